@@ -149,6 +149,33 @@ def test_the_reference_has_every_public_name(module: str) -> None:
         assert f"automodule:: {whole}\n" in text or re.search(rf":: {name}\n", text), name
 
 
+def docstrings(module: str) -> dict[str, str]:
+    """Return the docstrings of a module's public names, and those of members of its classes."""
+    found = {}
+    for name, value in public_objects(module).items():
+        found[name] = inspect.getdoc(value) or ""
+        for member in dir(value) if inspect.isclass(value) else ():
+            known = inspect.getattr_static(value, member)
+            told = isinstance(known, property) or inspect.isroutine(getattr(value, member, None))
+            if told and not member.startswith("_"):
+                found[f"{name}.{member}"] = inspect.getdoc(getattr(value, member)) or ""
+                if isinstance(known, property):
+                    found[f"{name}.{member}"] = inspect.getdoc(known) or ""
+    return found
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_sentence_of_a_docstring_has_more_than_thirty_words(module: str) -> None:
+    pytest.importorskip(MODULES[module][1] or "dashpot")
+    for name, text in docstrings(module).items():
+        text = re.sub(r"^ *(>>>|\.\.\.).*$|:math:`[^`]*`", "", text, flags=re.MULTILINE)
+        # Names of parameters, titles of sections and items of lists end what stands before.
+        text = re.sub(r"^( *)\S.*\n(?=\1    |\1---)|^ *\* ", "\n\n", text, flags=re.MULTILINE)
+        text = re.sub(r"^ +", "", text.replace("``", "`"), flags=re.MULTILINE)
+        long = [s for s in sentences_of(text) if len(re.findall(r"\S*\w\S*", s)) > 30]
+        assert not long, name
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_every_public_class_and_function_has_an_example_that_runs(
     module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -163,14 +190,9 @@ def test_every_public_class_and_function_has_an_example_that_runs(
             pytest.skip("no cube tosses: set DASHPOT_DATA")
     monkeypatch.setattr(warp.config, "log_level", warp.LOG_WARNING)  # no word on kernels
     runner = doctest.DocTestRunner(verbose=False, optionflags=doctest.ELLIPSIS)
-    for name, value in public_objects(module).items():
-        docs = {name: inspect.getdoc(value) or ""}
-        assert ">>>" in docs[name], name
-        for member in dir(value) if inspect.isclass(value) else ():
-            if not member.startswith("_") and inspect.isroutine(getattr(value, member)):
-                docs[f"{name}.{member}"] = inspect.getdoc(getattr(value, member)) or ""
-        for what, text in docs.items():
-            names = dict(scene(scenes))
-            test = doctest.DocTestParser().get_doctest(text, names, what, module, None)
-            report: list[str] = []
-            assert not runner.run(test, out=report.append).failed, "".join(report)
+    for name, text in docstrings(module).items():
+        assert ">>>" in text or "." in name, name
+        names = dict(scene(scenes))
+        test = doctest.DocTestParser().get_doctest(text, names, name, module, None)
+        report: list[str] = []
+        assert not runner.run(test, out=report.append).failed, "".join(report)

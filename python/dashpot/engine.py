@@ -318,7 +318,7 @@ class Engine(ReadableOptions):
         -------
         StepStats
             Contacts, islands and sizes of the last step; maxima over all steps of micro-steps,
-            clipped rows, penetration, compression and parts of a step; the number of cuts at
+            clipped rows, penetration, compression and parts of a step. The number of cuts at
             impacts.
 
         Raises
@@ -333,8 +333,8 @@ class Engine(ReadableOptions):
             A RuntimeError: if motion or contact forces diverge; data keep the state from before
             the failing step.
         RuntimeError
-            If the engine is being stepped by this thread already, as by a callback within a step;
-            if contacts exceed the memory, or rows do that sensors, plugins or flexes read; data
+            If the engine is being stepped by this thread already, as by a callback within a step.
+            If contacts exceed the memory, or rows do that sensors, plugins or flexes read. Data
             keep the state from before the failing step. Rows that nothing reads but
             :meth:`contacts` and ``mj_contactForce`` are left out where the memory of the model is
             too small for them; MuJoCo counts that in ``data.warning``. Fatal errors of MuJoCo come
@@ -350,7 +350,7 @@ class Engine(ReadableOptions):
         In the steps before it, and in :func:`dashpot.rollout`, they are made only if the model has
         sensors, plugins or flexes, which read them. Rows of limits, equalities and dry friction are
         made in every step. Control and passive callbacks see no contacts and no rows, but sensors
-        of positions and velocities, which are computed for them first: a sensor callback is asked
+        of positions and velocities, which are computed for them first. A sensor callback is asked
         twice for these then, as it may be where sensors of contacts need no forces. In these two
         stages it sees what detection found ahead, too.
 

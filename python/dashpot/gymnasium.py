@@ -30,13 +30,13 @@ def with_dashpot(
 
     Observations, rewards, rendering and resets stay the environment's; its ``model`` and ``data``
     are those of an engine, ``dashpot_engine``. What MuJoCo computes of a state (poses of bodies,
-    sensors) is, after a step, that of the last time step's start, as after ``mj_step``; but with
+    sensors) is, after a step, that of the last time step's start, as after ``mj_step``. With
     ``RK4`` ``mj_step`` leaves that of its last stage, which is almost the end. Where an environment
     calls ``mj_step`` by itself, as some of gymnasium-robotics do in a reset to let things settle,
     it is MuJoCo that steps.
 
     An environment that steps another one that it holds, as gymnasium-robotics' kitchen and mazes
-    do, is made as it is; then the one that it holds goes over to the engine. So does one of
+    do, is made as it is. Then the one that it holds goes over to the engine. So does one of
     dm_control's, as gym-aloha's environments hold (see `dashpot.dm_control`). Ids and names that it
     kept of the model stay right; views of arrays of the data that it kept would be of the old data
     and show no step.

@@ -52,9 +52,9 @@ def with_dashpot(
     """Derive an environment class whose steps are dashpot's.
 
     Muscles, observations, rewards, rendering and resets stay the environment's; its ``model`` and
-    ``data`` are those of an engine, ``dashpot_engine``. What MuJoCo computes of a state is, after
-    a step, that of the new state, as MyoSuite has it, but for contacts and the sensors of forces,
-    which are those of the last time step.
+    ``data`` are those of an engine, ``dashpot_engine``. What MuJoCo computes of a state is, after a
+    step, that of the new state, as MyoSuite has it. Contacts and the sensors of forces are those of
+    the last time step.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ def with_flights(
     ----------
     problem
         With ``initial_state="pose_and_velocity"``. Of every trajectory the poses of all bodies on
-        free joints are observed; joints that no ``jointpos`` sensor reads are held to be where the
+        free joints are observed. Joints that no ``jointpos`` sensor reads are held to be where the
         trajectory, or the model, has them.
     values
         Parameters by name, which are held. None: where they start. What acts in flight, as inertia

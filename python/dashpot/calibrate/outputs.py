@@ -165,7 +165,7 @@ class Outputs:
         """Write the model with the fitted values as an MJCF, and say what is in it.
 
         What parameters set in the model is written as the model's own attributes. Materials are
-        custom numerics, which `dashpot.Engine` reads and MuJoCo ignores; with ``"solref"`` there
+        custom numerics, which `dashpot.Engine` reads and MuJoCo ignores. With ``"solref"`` there
         are contact pairs beside them, whose ``solref`` and ``solimp`` press in at rest as far as
         the materials do, for steps of MuJoCo's own.
 
@@ -189,8 +189,8 @@ class Outputs:
         Raises
         ------
         ValueError
-            Naming the parameter that a function of the user's own sets; where the scene is not the
-            fitted model, or cannot say a value; with ``"solref"`` the contact that MuJoCo has no
+            Naming the parameter that a function of the user's own sets. Where the scene is not the
+            fitted model, or cannot say a value. With ``"solref"`` the contact that MuJoCo has no
             counterpart for.
 
         Examples

@@ -127,10 +127,10 @@ def predict(
 
     A simulation starts somewhere. Without `head` it starts in the state that the trajectory carries
     (or that ``start_states`` gives), as with ``initial_state="given"``. Where the problem estimates
-    initial states and none is known, say how many seconds of a trajectory tell it: the initial
-    state is then fitted to this `head`, parameters being held, and what comes after is predicted.
-    A head that ends before the first contact is independent of contact parameters. Its noise makes
-    an error of the start, which grows with time and is part of the errors returned.
+    initial states and none is known, say how many seconds of a trajectory tell it. The initial
+    state is then fitted to this `head`, parameters being held, and what comes after is predicted. A
+    head that ends before the first contact is independent of contact parameters. Its noise makes an
+    error of the start, which grows with time and is part of the errors returned.
 
     Parameters
     ----------

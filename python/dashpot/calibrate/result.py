@@ -61,12 +61,12 @@ class Fit(Outputs, Readback):
     residual_variance
         Variance of the weighted residuals that carry noise (chi-square per degree of freedom):
         near 1 when the stated noise explains them. Standard errors are scaled with its root. Of
-        robust losses the square of the 0.7-quantile of their magnitudes over that of normal noise:
-        it stays below 1.4 up to about 10 % of outliers, and a misfit of more than 30 % shows.
+        robust losses the square of the 0.7-quantile of their magnitudes over that of normal noise.
+        It stays below 1.4 up to about 10 % of outliers, and a misfit of more than 30 % shows.
     live_residuals
-        Number of residuals that carry noise: channels (trajectory, body, component) that were not
-        measured, or whose residuals all vanish, do not count (all that were measured do where
-        there is no noise at all).
+        Number of residuals that carry noise. Channels (trajectory, body, component) that were not
+        measured, or whose residuals all vanish, do not count. All that were measured do where there
+        is no noise at all.
     evaluations
         Simulated sets of all trajectories, those for derivatives and intervals included.
     seconds
@@ -212,7 +212,7 @@ class Fit(Outputs, Readback):
         `dashpot.rollout`, whose spread is what the fit leaves open.
 
         Each parameter has the distribution of which its interval is that of the confidence, and
-        together they have the `correlation`; what the data say nothing of is spread over its range
+        together they have the `correlation`. What the data say nothing of is spread over its range
         (`dashpot.calibrate.inference.sampling`). They hold where the intervals do.
 
         Parameters
@@ -252,8 +252,8 @@ class Fit(Outputs, Readback):
 
         Robust losses are allowed a tenth of outliers beside.
 
-        Where it does not, either the model differs from what was observed (then independent errors
-        are too small: see ``errors`` of `fit`) or the search ended in a bad valley (try more
+        Where it does not, the model may differ from what was observed. Independent errors are too
+        small then: see ``errors`` of `fit`) or the search ended in a bad valley (try more
         ``starts``, or ``windows``).
         """
         return noise_explains(
@@ -364,8 +364,8 @@ class Fit(Outputs, Readback):
     def metrics(self) -> dict[str, float]:
         """Return root mean squares over all frames and bodies.
 
-        ``position_rms`` (m, of the distance in the coordinates that were measured),
-        ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured,
+        ``position_rms`` (m, of the distance in the coordinates that were measured) and
+        ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured.
         ``sensors.NAME_rms`` of each sensor (in its unit, of the length of its vector),
         ``events.NAME_rms``, ``scalars.NAME_rms``, and ``residual_variance``.
 

@@ -25,8 +25,8 @@ class Statistics:
     """Summary of one run. Penetration in m, over all touching contacts of all instants.
 
     ``settled`` is the part from ``Comparison.settled_after`` on, ``falling`` the part before.
-    ``energy_lost`` and ``energy_gained`` (J) compare kinetic plus potential energy with the
-    start: what is gone at the end, and how far above the start it ever rose (0 in a passive
+    ``energy_lost`` and ``energy_gained`` (J) compare kinetic plus potential energy with the start.
+    They say what is gone at the end, and how far above the start it ever rose (0 in a passive
     scene, as springs only store energy).
 
     Examples

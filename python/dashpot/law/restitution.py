@@ -15,8 +15,8 @@ def damping_ratio_to_restitution(damping_ratio: ArrayLike) -> Any:
     """Return the coefficient of restitution of an unloaded contact that never pulls.
 
     With ``zeta = cos(psi)`` it is ``exp(-2 zeta psi / sin(psi))``, continued to ``zeta > 1`` by
-    ``zeta = cosh(eta)``: 1 at zeta = 0, exp(-2) at 1, about 1/(4 zeta^2) for large zeta, 0 at inf
-    (Schwager and Poeschel, Granular Matter 9, 2007).
+    ``zeta = cosh(eta)``. It is 1 at zeta = 0, exp(-2) at 1, about 1/(4 zeta^2) for large zeta, 0 at
+    inf (Schwager and Poeschel, Granular Matter 9, 2007).
 
     Raises
     ------

@@ -66,8 +66,8 @@ def solref_to_spring_at_rest(
 ) -> tuple[float, float]:
     """Return the mass-normalised spring and damper that the engine takes a MuJoCo row for.
 
-    At rest a row of MuJoCo carries a load with the stiffness d^2 k / (1 - d), d being its impedance
-    at that deformation and k that of :func:`solref_to_spring` with its d_width; in free motion it
+    At rest a row of MuJoCo carries a load with the stiffness d^2 k / (1 - d). d is its impedance at
+    that deformation, and k that of :func:`solref_to_spring` with its d_width. In free motion it
     swings with d^2 k, as if its mass were 1 / (1 - d) times as large. The spring and damper deform
     as far at rest and have the same damping ratio, hence the same restitution.
 
@@ -86,9 +86,9 @@ def solref_to_spring_at_rest(
     Returns
     -------
     tuple
-        (d^2 k / (1 - d), d b / sqrt(1 - d)), in 1/s^2 and 1/s. Over MuJoCo's estimate A of the
-        inverse mass (``efc_diagApprox``) and over sqrt(A w), w being the apparent inverse mass,
-        they are the stiffness (N/m) and damping (N s/m) of the engine's row.
+        (d^2 k / (1 - d), d b / sqrt(1 - d)), in 1/s^2 and 1/s. The engine's row has the first over
+        A as its stiffness (N/m) and the second over sqrt(A w) as its damping (N s/m). A is MuJoCo's
+        estimate of the inverse mass (``efc_diagApprox``), w the apparent inverse mass.
 
     Raises
     ------

@@ -64,7 +64,7 @@ def closest(
 
     A bounding-box tree finds candidates, `distance` decides. Geoms that take no part in collisions
     (``contype`` and ``conaffinity`` both zero), pairs that cannot move against each other, pairs of
-    planes and pairs of height fields are left out; other filters of the model (parent and child,
+    planes and pairs of height fields are left out. Other filters of the model (parent and child,
     exclusions) do not act.
 
     Parameters

@@ -31,8 +31,9 @@ class Distance:
     point1, point2
         Shape (3,), m, world: the closest points, or the deepest ones of a penetration, on the
         surfaces of the first and second geom. ``point2 - point1 == distance * normal`` to rounding,
-        and to 1e-5 of the size of the pair where a cylinder or an ellipsoid takes part: 5e-4 where
-        these overlap about a common centre, as many directions are nearly as short there.
+        and to 1e-5 of the size of the pair where a cylinder or an ellipsoid takes part. It is to
+        5e-4 where these overlap about a common centre, as many directions are nearly as short
+        there.
     normal
         Shape (3,), unit, world, from the first geom to the second.
 
@@ -111,18 +112,19 @@ def distance(
 
         A height field is a solid: two triangular prisms a cell, as MuJoCo splits it, from the
         surface down to its base. Apart from it, the distance is that of the nearest prism. In
-        overlap it is that of the prism which is deepest in the other geom, the length of the
-        shortest translation that parts these two: no more than what clears the whole solid, and
-        less where that translation points into a neighbouring prism, as it can for a geom that is
-        as deep below the surface as a cell is wide. Against a plane it is exact for the solid.
+        overlap it is that of the prism which is deepest in the other geom: the length of the
+        shortest translation that parts these two. That is no more than what clears the whole solid.
+        It is less where that translation points into a neighbouring prism, as it can for a geom
+        that is as deep below the surface as a cell is wide. Against a plane it is exact for the
+        solid.
 
     Returns
     -------
     Distance
-        Exact to rounding for planes, spheres, capsules, boxes and meshes among each other, and
-        for cylinders and capsules with parallel axes; else within 1e-6 of the size of the pair
-        where a cylinder or an ellipsoid takes part, mostly 1e-10, and within 1e-5 where these
-        overlap about a common centre. Where several directions are equally short, one of them.
+        Exact to rounding for planes, spheres, capsules, boxes and meshes among each other, and for
+        cylinders and capsules with parallel axes. Where a cylinder or an ellipsoid takes part it is
+        within 1e-6 of the size of the pair, mostly 1e-10, and within 1e-5 where these overlap about
+        a common centre. Where several directions are equally short, one of them.
 
     Raises
     ------

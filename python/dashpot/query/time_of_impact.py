@@ -99,10 +99,10 @@ def time_of_impact(
     """First contact of two geoms along their present velocities, rotation included.
 
     Each body moves on as a rigid body with constant velocity of its centre of mass and constant
-    angular velocity in the world, a free body with all that is welded to it; loads do not act.
-    Conservative advancement: the time is never after the first contact, and the gap left at it is
-    at most 1e-9 of the geoms' size, which also is the clearance below which geoms that pass each
-    other count as touching.
+    angular velocity in the world. A free body takes along all that is welded to it. Loads do not
+    act. Conservative advancement: the time is never after the first contact, and the gap left at it
+    is at most 1e-9 of the geoms' size. Geoms that pass each other with less clearance count as
+    touching.
 
     Positions and velocities are those that the kinematics of `data` last left: call
     ``mujoco.mj_forward`` after changing ``qpos`` or ``qvel``.

@@ -36,7 +36,7 @@ def step(m: Model, d: Data) -> None:
     """Advance all worlds by one time step.
 
     What MuJoCo Warp's stages leave in `d`, positions of bodies and geoms, contacts, sensors, is
-    that of the middle of the step; ``qpos``, ``qvel`` and ``time`` are those of its end. With
+    that of the middle of the step. ``qpos``, ``qvel`` and ``time`` are those of its end. With
     ``law="comfree"`` it is that of the start, as in MuJoCo. Nothing is read back by the host, so
     that a step can be captured as a graph.
 

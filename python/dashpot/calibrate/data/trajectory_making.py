@@ -188,8 +188,8 @@ class TrajectoryMaking:
             over.
             Empty cells and ``nan``, ``NA``, ``-``: not measured.
         columns
-            Names of columns by what they hold: ``time``; ``x``, ``y``, ``z``, ``qw``, ``qx``,
-            ``qy``, ``qz``, or ``u``, ``v`` in pixels, of several bodies ``BODY.x`` and on;
+            Names of columns by what they hold. ``time``. ``x``, ``y``, ``z``, ``qw``, ``qx``,
+            ``qy``, ``qz``, or ``u``, ``v`` in pixels, of several bodies ``BODY.x`` and on.
             ``sensor:NAME``, of several numbers ``sensor:NAME.0`` and on. What is left out was not
             measured. None: columns are named so.
         body
@@ -197,7 +197,7 @@ class TrajectoryMaking:
         run
             Column that tells several runs apart: a list is returned, in their order.
         unit
-            Units by what columns hold or by their names, those of SI where none is given: ``cm``,
+            Units by what columns hold or by their names, those of SI where none is given. ``cm``,
             ``mm``, ``in``, ``ms``, ``us``, ``deg``, ``kN``, ``mm/s`` and such, or the factor to
             SI's, negative for an axis that points the other way. ``position``: all coordinates.
         name

@@ -29,9 +29,9 @@ class ImagePlane:
     `Parameter.image`.
 
     Motion along the line of sight is not seen. Where initial states are estimated, a body on a free
-    joint that nothing else observes starts in the plane: neither along the line of sight, if that
-    is an axis of the world, nor about axes across it is its start moved, unless
-    ``initial_qpos_sigma`` and ``initial_qvel_sigma`` of the trajectory say how well it is known.
+    joint that nothing else observes starts in the plane. Its start is not moved along the line of
+    sight, if that is an axis of the world, nor about axes across it. ``initial_qpos_sigma`` and
+    ``initial_qvel_sigma`` of the trajectory may say how well it is known.
 
     Parameters
     ----------

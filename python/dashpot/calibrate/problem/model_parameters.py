@@ -76,7 +76,7 @@ class ModelParameters:
             As in `Parameter`. By default the name is ``attribute``. Bounds that reach beyond what
             bodies can be (masses, moments of inertia and sizes <= 0, damping, armature and friction
             < 0) are refused. Values between them that make no body together, as moments of inertia
-            of which one exceeds the sum of the others do, are refused as a start; a search finds
+            of which one exceeds the sum of the others do, are refused as a start. A search finds
             none of them good.
 
         Examples

@@ -47,9 +47,9 @@ class Parameter(MaterialParameters, ModelParameters, RecorderParameters):
         number.
     difference
         Half-width of the central finite difference in the search coordinate, in (0, 0.5]. Contact
-        trajectories are only piecewise smooth: a much smaller step resolves the rounding and the
-        micro-step switches of a bounce instead of the trend that the fit needs; the default 1e-4
-        is 0.01 % of the value (log) or of the range (linear).
+        trajectories are only piecewise smooth. A much smaller step resolves the rounding and the
+        micro-step switches of a bounce instead of the trend that the fit needs. The default 1e-4 is
+        0.01 % of the value (log) or of the range (linear).
     apply
         Sets the value in a system; of a vector an array of its numbers.
     changes_model

@@ -148,9 +148,9 @@ class RecorderParameters:
         ----------
         quantity
             ``"scale"``: pixels per metre of an `ImagePlane`, of a camera of the model its focal
-            length in pixels; ``"tilt"``: rad, clockwise; ``"origin_u"``, ``"origin_v"``: the pixel
-            where the origin of the world is seen, of a camera of the model the middle.
-            Where a camera stands and looks `model` varies: ``cam_pos``, ``cam_fovy`` ...
+            length in pixels. ``"tilt"``: rad, clockwise. ``"origin_u"``, ``"origin_v"``: the pixel
+            where the origin of the world is seen, of a camera of the model the middle. Where a
+            camera stands and looks `model` varies: ``cam_pos``, ``cam_fovy`` ...
         camera
             Name of the camera, or of the `ImagePlane`.
         bounds

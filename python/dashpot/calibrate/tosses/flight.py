@@ -199,7 +199,7 @@ def centre_of_mass(flights: Iterable[Flight]) -> tuple[Array, Array]:
     """Return offset (3,) of the centre of mass in the body and its standard errors (3,), m.
 
     The offset that leaves the least of all flights' parabolas. What a flight leaves hangs together,
-    and some flights are tracked worse than others: each counts by Huber's weight of its influence
+    and some flights are tracked worse than others. Each counts by Huber's weight of its influence
     (reweighted least squares), and the errors are those of the flights' scatter.
 
     Raises

@@ -51,7 +51,7 @@ def toss_problem(
     """Return the problem of contact parameters, in dashpot or (``peer``) in MuJoCo.
 
     Unknown are stiffness, damping ratio and sliding friction in dashpot, time constant, damping
-    ratio and friction in MuJoCo; with ``body`` also inertia and corner radius, with ``load`` also
+    ratio and friction in MuJoCo. With ``body`` also inertia and corner radius, with ``load`` also
     how friction falls with load. The centre of mass is that of `cube` (see `weighed`), and start
     states follow from it and the flights.
 
