@@ -1,6 +1,6 @@
 """Sphinx configuration of the documentation.
 
-pip install ".[docs]" && sphinx-build -W --keep-going docs build/site
+pip install ".[docs,warp]" && sphinx-build -W --keep-going docs build/site
 """
 
 from __future__ import annotations
@@ -56,6 +56,8 @@ html_theme = "furo"
 html_title = f"dashpot {release}"
 html_show_copyright = False
 html_copy_source = False
+html_static_path = ["_static"]
+html_js_files = ["filter_rows.js"]
 html_search_language = "en"
 # What to find first: headings of pages by page, and for each what is searched for.
 SEARCH_TERMS = {
