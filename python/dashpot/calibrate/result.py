@@ -162,7 +162,7 @@ class Fit(Outputs, Readback):
 
     @property
     def residuals(self) -> tuple[Array, ...]:
-        """By trajectory, (frames, bodies, 6): weighted residuals of poses at the estimate.
+        """Weighted residuals of poses at the estimate, by trajectory (frames, bodies, 6).
 
         Of positions in the world frame, then rotation vectors of ``R_observed^T R_simulated``; 0 of
         what was not measured.

@@ -26,12 +26,6 @@ BODY, TIP = "body", "tip"
 class Tool(Protocol):
     """A tool: a body at the flange whose geoms touch the workpiece side by side.
 
-    Attributes
-    ----------
-    spin
-        Turns per second about its axis, 1/s. It moves the surface of the tool, not the body, so
-        that steps need not follow the turns.
-
     Examples
     --------
     >>> tool = grinding.BallNose(0.02)
@@ -41,7 +35,10 @@ class Tool(Protocol):
 
     @property
     def spin(self) -> float:
-        """Turns per second, 1/s."""
+        """Turns per second about its axis, 1/s.
+
+        It moves the surface of the tool, not the body, so that steps need not follow the turns.
+        """
 
     @property
     def footprint(self) -> float:
