@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import importlib
 import inspect
@@ -162,6 +163,28 @@ def docstrings(module: str) -> dict[str, str]:
                 if isinstance(known, property):
                     found[f"{name}.{member}"] = inspect.getdoc(known) or ""
     return found
+
+
+def messages_of(file: Path) -> Iterator[str]:
+    """Yield what exceptions and warnings of a file say, and the help of options; X for values."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Raise) or (
+            isinstance(node, ast.Call)
+            and ast.unparse(node.func).endswith(("warn", "add_argument", "add_parser"))
+        ):
+            for part in ast.walk(node):
+                if isinstance(part, ast.JoinedStr):
+                    pieces = [p.value if isinstance(p, ast.Constant) else "X" for p in part.values]
+                    yield "".join(pieces)
+                elif isinstance(part, ast.Constant) and isinstance(part.value, str):
+                    yield part.value
+
+
+def test_no_sentence_of_a_message_has_more_than_thirty_words() -> None:
+    for file in (ROOT / "python/dashpot").rglob("*.py"):
+        for message in messages_of(file):
+            for sentence in sentences_of(message):
+                assert len(re.findall(r"\S*\w\S*", sentence)) <= 30, f"{file.name}: {sentence}"
 
 
 @pytest.mark.parametrize("module", MODULES)
