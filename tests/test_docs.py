@@ -48,7 +48,12 @@ def sentences_of(text: str) -> Iterator[str]:
 
 
 NOTEBOOKS = [f"notebooks/{page.name}" for page in sorted((ROOT / "notebooks").glob("*.ipynb"))]
-WITH_SENTENCES = ["README.md", "CHANGELOG.md", *(f"docs/{name_of(page)}" for page in PAGES)]
+WITH_SENTENCES = [
+    "README.md",
+    "CHANGELOG.md",
+    "benchmarks/README.md",
+    *(f"docs/{name_of(page)}" for page in PAGES),
+]
 WITH_CODE = [name_of(p) for p in PAGES if code_of(p) and name_of(p) not in ELSEWHERE]
 
 
