@@ -149,7 +149,15 @@ void bind_engine(py::module_& module) {
   py::register_exception<DivergenceError>(module, "DivergenceError", PyExc_RuntimeError)
       .attr("__doc__") =
       "Motion or forces that are no numbers, or beyond what MuJoCo itself calls diverged.\n\n"
-      "Names the tree or degree of freedom. Data are as they were before the step.";
+      "Names the tree or degree of freedom. Data are as they were before the step.\n\n"
+      "Examples\n--------\n"
+      ">>> wild = engine.make_data()\n"
+      ">>> wild.qfrc_applied[0] = 1e12\n"
+      ">>> try:\n"
+      "...     stats = engine.step(wild, nstep=100)\n"
+      "... except dashpot.DivergenceError as error:\n"
+      "...     print(type(error).__bases__[0].__name__, wild.time)\n"
+      "RuntimeError 0.0";
 
   py::native_enum<Law>(module, "Law", "enum.Enum")
       .value("kelvin_voigt", Law::kKelvinVoigt)
@@ -181,8 +189,13 @@ void bind_engine(py::module_& module) {
       .def_readwrite("pair_material", &Parameters::pair_material)
       .def_readwrite("contact_capacity", &Parameters::contact_capacity);
 
-  py::class_<StepStats>(module, "StepStats",
-                        "What a call of step() did; counts of the last step unless said otherwise.")
+  py::class_<StepStats>(
+      module, "StepStats",
+      "What a call of step() did; counts of the last step unless said otherwise.\n\n"
+      "Examples\n--------\n"
+      ">>> stats = engine.step(engine.make_data(), nstep=20)\n"
+      ">>> stats.clipped, stats.parts\n"
+      "(0, 1)")
       .def_readonly(
           "contacts", &StepStats::contacts,
           "Contacts that could touch during the step; Engine.contacts has those that did.")
@@ -201,9 +214,9 @@ void bind_engine(py::module_& module) {
       .def_readonly("cuts", &StepStats::cuts, "Cuts at impacts, sum over all steps.")
       .def_readonly(
           "parts", &StepStats::parts,
-          "Parts that a step was taken in, maximum over all steps: 1 for whole steps, more "
-          "where it was cut at impacts or links turn so far that MuJoCo's integrators would "
-          "not follow.")
+          "Parts that a step was taken in, maximum over all steps: 1 for whole steps. There are "
+          "more where it was cut at impacts, or links turn farther than MuJoCo's integrators "
+          "follow.")
       .def("__eq__",
            [](const StepStats& stats, const py::object& other) {
              return py::isinstance<StepStats>(other) &&

@@ -271,8 +271,8 @@ def _toss_section(
                 "A 0.37 kg cube thrown by hand onto a table and tracked at 148 Hz (ContactNets). "
                 "Each toss is simulated from its first frame, with a start state fitted to its "
                 "flight. Both simulators are tuned on the same tosses by the same search, MuJoCo "
-                "with twice the budget. Body properties are fitted too: the centre of mass shows "
-                "in the flights, inertia and corner radius are searched for together with the "
+                "with twice the budget. Body properties are fitted too. The centre of mass shows "
+                "in the flights. Inertia and corner radius are searched for together with the "
                 "contact's parameters, in dashpot also how friction falls with load."
             ),
             table,

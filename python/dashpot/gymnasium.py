@@ -35,13 +35,13 @@ def with_dashpot(
 
     Observations, rewards, rendering and resets stay the environment's; its ``model`` and ``data``
     are those of an engine, ``dashpot_engine``. What MuJoCo computes of a state (poses of bodies,
-    sensors) is, after a step, that of the last time step's start, as after ``mj_step``; but with
+    sensors) is, after a step, that of the last time step's start, as after ``mj_step``. With
     ``RK4`` ``mj_step`` leaves that of its last stage, which is almost the end. Where an environment
     calls ``mj_step`` by itself, as some of gymnasium-robotics do in a reset to let things settle,
     it is MuJoCo that steps.
 
     An environment that steps another one that it holds, as gymnasium-robotics' kitchen and mazes
-    do, is made as it is; then the one that it holds goes over to the engine. So does one of
+    do, is made as it is. Then the one that it holds goes over to the engine. So does one of
     dm_control's, as gym-aloha's environments hold (see `dashpot.dm_control`). Ids and names that it
     kept of the model stay right; views of arrays of the data that it kept would be of the old data
     and show no step.
@@ -50,12 +50,6 @@ def with_dashpot(
     equalities without the number that they have had more since; here that number stays as it is.
     What makes environments by itself takes the class from a table, as ``gym.make`` does of
     MetaWorld's from ``metaworld.env_dict.ALL_V3_ENVIRONMENTS``: put the derived class there.
-
-    For example::
-
-        from gymnasium.envs.mujoco.ant_v5 import AntEnv
-
-        env = dashpot.gymnasium.with_dashpot(AntEnv)(render_mode="rgb_array")
 
     Parameters
     ----------
@@ -72,6 +66,16 @@ def with_dashpot(
         If ``env_class`` is no class of environments; when an environment is made, if it neither is
         nor holds one of those, or holds several, or if ``make_engine`` returned no `Engine`.
 
+
+    Examples
+    --------
+    >>> from gymnasium.envs.mujoco.ant_v5 import AntEnv
+    >>> import dashpot.gymnasium
+    >>> env = dashpot.gymnasium.with_dashpot(AntEnv)()
+    >>> observation, _ = env.reset(seed=1)
+    >>> observation, reward, *_ = env.step(env.action_space.sample())
+    >>> env.dashpot_engine.model is env.unwrapped.model
+    True
     """
     if not isinstance(env_class, type) or not (
         _steps_its_own(env_class) or all(hasattr(env_class, name) for name in ("reset", "step"))

@@ -36,9 +36,17 @@ class Statistics:
 
     ``settled`` is the part from ``Comparison.settled_after`` on, ``falling`` the part before.
     ``energy_lost`` and ``energy_gained`` (J) compare kinetic plus potential energy with the
-    start and the ``work`` (J) that actuators did since: what is gone at the end, and how far above
-    it ever rose. A gain is an error of the stepper, or energy of a start that violates a limit, an
-    equality or a surface; ``energy_lost`` is negative where such a gain remains at the end.
+    start and the ``work`` (J) that actuators did since. They say what is gone at the end, and how
+    far above it the energy ever rose. A gain is an error of the stepper, or energy of a start that
+    violates a limit, an equality or a surface. ``energy_lost`` is negative where such a gain
+    remains at the end.
+
+    Examples
+    --------
+    >>> comparison = dashpot.compare.run(engine, duration=0.5, settings=["dashpot"])
+    >>> statistics = comparison.statistics()["dashpot"]
+    >>> bool(statistics.energy_gained < 1e-6)
+    True
     """
 
     penetration_falling_mean: float
@@ -82,6 +90,12 @@ class Run:
         s, the time at which the run diverged, or None. Recording ends there.
     warnings
         What MuJoCo warned of, kind by kind; of dashpot, what diverged.
+
+    Examples
+    --------
+    >>> dashpot_run = dashpot.compare.run(engine, duration=0.5, settings=["dashpot"]).runs[0]
+    >>> dashpot_run.time.shape == dashpot_run.penetration_max.shape
+    True
     """
 
     name: str
@@ -181,6 +195,12 @@ class Comparison:
         Which geoms' own ``solref`` decides how soft contacts are, and where; empty for none.
     violations
         Which limits, equalities and surfaces the start violates; empty for none.
+
+    Examples
+    --------
+    >>> comparison = dashpot.compare.run(model, duration=0.5)
+    >>> comparison.timestep, comparison.runs[0].name
+    (0.005, 'dashpot')
     """
 
     scene: str

@@ -88,6 +88,12 @@ def run(
         compiled or uses what dashpot refuses; the message names it.
     FileNotFoundError
         If a scene's file does not exist.
+
+    Examples
+    --------
+    >>> comparison = dashpot.compare.run(model, settings=["dashpot", "mujoco-default"])
+    >>> list(comparison.statistics())
+    ['dashpot', 'mujoco-default']
     """
     name = text_or_none("name", name)
     if progress is not None and not callable(progress):

@@ -30,9 +30,9 @@ class ImagePlane:
     `Parameter.image`.
 
     Motion along the line of sight is not seen. Where initial states are estimated, a body on a free
-    joint that nothing else observes starts in the plane: neither along the line of sight, if that
-    is an axis of the world, nor about axes across it is its start moved, unless
-    ``initial_qpos_sigma`` and ``initial_qvel_sigma`` of the trajectory say how well it is known.
+    joint that nothing else observes starts in the plane. Its start is not moved along the line of
+    sight, if that is an axis of the world, nor about axes across it. ``initial_qpos_sigma`` and
+    ``initial_qvel_sigma`` of the trajectory may say how well it is known.
 
     Parameters
     ----------
@@ -54,12 +54,16 @@ class ImagePlane:
     ValueError
         Naming the field.
 
-    Example
-    -------
-    A camera that looks along the world's y axis, 812 pixels a metre::
+    Examples
+    --------
+    A camera that looks along the world's y axis, 812 pixels a metre:
 
-        picture = ImagePlane(scale=812, origin=(320, 420))
-        roll = Trajectory.of_sensors("roll", time, pixels={"marble": uv}, camera=picture)
+    >>> from dashpot.calibrate import ImagePlane
+    >>> picture = ImagePlane(scale=812, origin=(320, 420))
+    >>> uv = [(320, 420), (328, 420), (336, 420)]
+    >>> roll = Trajectory.of_sensors("roll", time[:3], pixels={"ball": uv}, camera=picture)
+    >>> list(roll.sensors)
+    ['image:ball']
     """
 
     scale: float
@@ -130,6 +134,13 @@ class ImagePlane:
         ------
         ValueError
             Where either two are one point, or the line between them is along the line of sight.
+
+        Examples
+        --------
+        >>> from dashpot.calibrate import ImagePlane
+        >>> ruler = ImagePlane.from_points([(100, 300), (500, 300)], [(0, 0, 0), (0.5, 0, 0)])
+        >>> ruler.scale  # pixels a metre
+        800.0
         """
         plain = cls(scale=1.0, right=right, down=down, name=name)
         first, second = (_vector(f"pixels[{i}]", p, 2) for i, p in enumerate(_two(pixels)))
