@@ -90,6 +90,8 @@ class LawData:
         self.work = make(Work, is_work=True)
         self.geom_margin = wp.zeros((nworld, max(1, mjm.ngeom)), dtype=wp.float32)
         self.pair_margin = wp.zeros((nworld, max(1, mjm.npair)), dtype=wp.float32)
+        self.jnt_margin = wp.zeros((nworld, max(1, mjm.njnt)), dtype=wp.float32)
+        self.tendon_margin = wp.zeros((nworld, max(1, mjm.ntendon)), dtype=wp.float32)
         self.contact_margin = wp.zeros(max(1, d.naconmax), dtype=wp.float32)
         self.middle = wp.zeros((nworld, nq), dtype=wp.float32)
         self.bias = wp.zeros((nworld, nv), dtype=wp.float32)

@@ -48,6 +48,9 @@ class LawModel:
     factor_size: int
     geom_margin: wp.array
     pair_margin: wp.array
+    jnt_margin: wp.array
+    tendon_margin: wp.array
+    limits: int
     nmocap: int
     body_mocap: wp.array
     mocap_body: wp.array
@@ -189,8 +192,11 @@ def _constraint_rows(mjm: mujoco.MjModel) -> int:
     sizes = {mujoco.mjtEq.mjEQ_CONNECT: 3, mujoco.mjtEq.mjEQ_WELD: 6}
     rows = sum(sizes.get(mujoco.mjtEq(kind), 1) for kind in mjm.eq_type)
     rows += int((mjm.dof_frictionloss > 0).sum() + (mjm.tendon_frictionloss > 0).sum())
-    rows += 2 * int((mjm.jnt_limited > 0).sum() + (mjm.tendon_limited > 0).sum())
-    return rows
+    return rows + _limits(mjm)
+
+
+def _limits(mjm: mujoco.MjModel) -> int:
+    return int((mjm.jnt_limited > 0).sum() + (mjm.tendon_limited > 0).sum())
 
 
 def _topology(mjm: mujoco.MjModel, m: Any) -> dict[str, Any]:
@@ -211,6 +217,9 @@ def _topology(mjm: mujoco.MjModel, m: Any) -> dict[str, Any]:
         "factor_size": int((sizes**2).sum()),
         "geom_margin": m.geom_margin,
         "pair_margin": m.pair_margin,
+        "jnt_margin": m.jnt_margin,
+        "tendon_margin": m.tendon_margin,
+        "limits": _limits(mjm),
         "nmocap": int(mjm.nmocap),
         **_mocap(mjm),
         "explicit_pairs": wp.array(pairs.astype(np.int32), dtype=wp.vec2i),

@@ -1,4 +1,4 @@
-"""How far geoms may come in a step, by which collision looks for contacts ahead."""
+"""How far geoms, joints and tendons may come in a step, by which rows are looked for ahead."""
 
 import warp as wp
 
@@ -7,7 +7,8 @@ from dashpot.warp.state import Work
 wp.set_module_options({"enable_backward": False})
 
 FASTER = 1.5  # than at the start, by what happens within the step
-LEAST = 1.0e-5  # m
+LEAST = 1.0e-5  # m or rad
+LIMIT_OF_JOINT = 3  # MuJoCo's type of row
 
 
 @wp.kernel
@@ -120,3 +121,73 @@ def own_margins(
         if (pair[0] == a and pair[1] == b) or (pair[0] == b and pair[1] == a):
             margin = pair_own[world % pair_own.shape[0], i]
     out[contact] = margin
+
+
+@wp.kernel
+def widen_joints(
+    timestep: wp.array(dtype=wp.float32),
+    jnt_type: wp.array(dtype=wp.int32),
+    jnt_dofadr: wp.array(dtype=wp.int32),
+    own: wp.array2d(dtype=wp.float32),
+    qvel: wp.array2d(dtype=wp.float32),
+    work: Work,
+    out: wp.array2d(dtype=wp.float32),
+):
+    """Margins of the limits of joints in this step."""
+    world, joint = wp.tid()
+    T = timestep[world % timestep.shape[0]]
+    dofs = wp.where(jnt_type[joint] == 1, 3, 1)
+    speed = float(0.0)
+    for i in range(dofs):
+        dof = jnt_dofadr[joint] + i
+        speed += wp.abs(qvel[world, dof]) + T * wp.abs(work.a[world, dof])
+    out[world, joint] = own[world % own.shape[0], joint] + 0.5 * FASTER * T * speed + LEAST
+
+
+@wp.kernel
+def widen_tendons(
+    timestep: wp.array(dtype=wp.float32),
+    ten_J_rownnz: wp.array(dtype=wp.int32),
+    ten_J_rowadr: wp.array(dtype=wp.int32),
+    ten_J_colind: wp.array(dtype=wp.int32),
+    ten_J: wp.array2d(dtype=wp.float32),
+    own: wp.array2d(dtype=wp.float32),
+    qvel: wp.array2d(dtype=wp.float32),
+    work: Work,
+    out: wp.array2d(dtype=wp.float32),
+):
+    """Margins of the limits of tendons in this step."""
+    world, tendon = wp.tid()
+    T = timestep[world % timestep.shape[0]]
+    speed = float(0.0)
+    for i in range(ten_J_rownnz[tendon]):
+        at = ten_J_rowadr[tendon] + i
+        dof = ten_J_colind[at]
+        rate = wp.abs(qvel[world, dof]) + T * wp.abs(work.a[world, dof])
+        speed += wp.abs(ten_J[world, at]) * rate
+    out[world, tendon] = own[world % own.shape[0], tendon] + 0.5 * FASTER * T * speed + LEAST
+
+
+@wp.kernel
+def own_limit_margins(
+    ne: wp.array(dtype=wp.int32),
+    nf: wp.array(dtype=wp.int32),
+    nl: wp.array(dtype=wp.int32),
+    efc_type: wp.array2d(dtype=wp.int32),
+    efc_id: wp.array2d(dtype=wp.int32),
+    joints: wp.array2d(dtype=wp.float32),
+    tendons: wp.array2d(dtype=wp.float32),
+    efc_margin: wp.array2d(dtype=wp.float32),
+):
+    """Margins that the model gives limits; thread per row."""
+    world, i = wp.tid()
+    if i >= nl[world]:
+        return
+    row = ne[world] + nf[world] + i
+    if row >= efc_margin.shape[1]:
+        return
+    limited = efc_id[world, row]
+    if efc_type[world, row] == LIMIT_OF_JOINT:
+        efc_margin[world, row] = joints[world % joints.shape[0], limited]
+    else:
+        efc_margin[world, row] = tendons[world % tendons.shape[0], limited]

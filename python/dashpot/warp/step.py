@@ -22,6 +22,7 @@ from dashpot.warp.stages import (
     advance_semi_implicit,
     drift_to_end,
     drift_to_middle,
+    find_constraints,
     find_geometry,
     find_smooth_motion,
     finish_stages,
@@ -121,6 +122,7 @@ def _solve(m: Model, d: Data, ahead: float) -> None:
     wp.copy(d.dashpot.middle, d.qpos)
     find_geometry(m, d, ahead)
     find_smooth_motion(m, d)
+    find_constraints(m, d)
     find_rows(m, d, ahead)
     couple(m, d)
     plan_and_recall(m, d, ahead)
@@ -134,6 +136,7 @@ def _solve_complementarity_free(m: Model, d: Data) -> None:
     own, law = m.dashpot, d.dashpot
     find_geometry(m, d, 0.0)
     find_smooth_motion(m, d)
+    find_constraints(m, d)
     find_rows(m, d, 0.0)
     if own.constraint_rows:
         trees = [m.tree_dofadr, m.tree_dofnum, own.tree_factor]
