@@ -59,7 +59,14 @@ def model_of(name: str) -> mujoco.MjModel:
 
 def contacts_of(name: str) -> int:
     """Return how many contacts a world may have."""
-    sizes = {"bin-90": 200, "bin-350": 700, "hand": 64, "three humanoids": 200, "slope": 8}
+    sizes = {
+        "bin-90": 200,
+        "bin-350": 700,
+        "bin-1400": 2400,
+        "hand": 64,
+        "three humanoids": 200,
+        "slope": 8,
+    }
     return sizes.get(name, 64)
 
 

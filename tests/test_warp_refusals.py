@@ -70,11 +70,6 @@ def test_options_of_an_engine_that_warp_has_not_are_refused(name, value):
         engine.to_warp()
 
 
-def test_too_many_groups_are_refused():
-    with pytest.raises(NotImplementedError, match="at most 1024"):
-        dw.make_data(model_of(mjcf(BODY)), nconmax=2000)
-
-
 def test_models_and_data_are_mujoco_warps():
     model = model_of(mjcf(BODY))
     assert isinstance(dw.put_model(model), mujoco_warp.Model)

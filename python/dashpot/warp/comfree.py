@@ -23,7 +23,6 @@ OF_COUPLING = 0.55
 
 @wp.kernel
 def add_magnitudes(
-    dims: int,
     tree_dofadr: wp.array(dtype=wp.int32),
     tree_dofnum: wp.array(dtype=wp.int32),
     tree_factor: wp.array(dtype=wp.int32),
@@ -37,9 +36,11 @@ def add_magnitudes(
     at = tree_factor[tree]
     for i in range(n):
         total = float(0.0)
-        for g in range(rows.count[world]):
+        for m in range(work.first[world, tree], work.first[world, tree + 1]):
+            g = rows.members[world, m] / rows.sides
+            side = rows.members[world, m] % rows.sides
             if rows.kind[world, g] > int(UNILATERAL):
-                total += wp.abs(rows.J[world, g * dims, first + i])
+                total += wp.abs(rows.J[world, side * rows.width + i, g])
         work.end[world, first + i] = total
         work.displacement[world, first + i] = 0.0
     for column in range(n):
@@ -70,9 +71,9 @@ def spring_damper(k: float, d: float, mass: float, gap: float, rate: float, step
 
 @wp.kernel
 def push_apart(
-    dims: int,
-    nv: int,
     timestep: wp.array(dtype=wp.float32),
+    tree_dofadr: wp.array(dtype=wp.int32),
+    tree_dofnum: wp.array(dtype=wp.int32),
     stiffness: wp.array(dtype=wp.float32),
     damping: wp.array(dtype=wp.float32),
     contact_address: wp.array2d(dtype=wp.int32),
@@ -103,8 +104,12 @@ def push_apart(
     normal = rows.u[world, 0, g] + T * rows.c[world, 0, g]
     if kind > int(UNILATERAL):
         coupling = float(0.0)
-        for dof in range(nv):
-            coupling += wp.abs(rows.J[world, g * dims, dof]) * work.displacement[world, dof]
+        for side in range(rows.sides):
+            tree = rows.tree[world, side, g]
+            if tree >= 0:
+                for item in range(tree_dofnum[tree]):
+                    value = wp.abs(rows.J[world, side * rows.width + item, g])
+                    coupling += value * work.displacement[world, tree_dofadr[tree] + item]
         force = float(0.0)
         if kind == int(SLIDER):
             inverse = wp.max(wp.max(MINIMUM, rows.w[world, 0, g]), OF_COUPLING * coupling)

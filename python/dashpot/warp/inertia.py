@@ -99,7 +99,7 @@ def advance_velocity(
 
 @wp.func
 def damped_share(damping: float, mass: float) -> float:
-    """theta of a dof with T D and M, 1/2 to 1."""
+    """Theta of a dof with T D and M, 1/2 to 1."""
     z = damping / wp.max(mass, 1.0e-12)
     if z < 0.1:
         return 0.5 + wp.max(z, 0.0) / 12.0
@@ -180,7 +180,6 @@ def solve_smooth(
 
 @wp.kernel
 def respond(
-    dims: int,
     timestep: wp.array(dtype=wp.float32),
     tree_dofadr: wp.array(dtype=wp.int32),
     tree_dofnum: wp.array(dtype=wp.int32),
@@ -199,7 +198,6 @@ def respond(
     n = tree_dofnum[tree]
     at = tree_factor[tree]
     T = wp.float64(timestep[world % timestep.shape[0]])
-    count = rows.count[world]
     # From the last dof on: those below are not needed any more when they are overwritten.
     for r in range(n):
         i = n - 1 - r
@@ -207,12 +205,15 @@ def respond(
         p = wp.float64(0.0)
         m = wp.float64(0.0)
         push = float(0.0)
-        for g in range(count):
+        for member in range(work.first[world, tree], work.first[world, tree + 1]):
+            g = rows.members[world, member] / rows.sides
+            side = rows.members[world, member] % rows.sides
             for j in range(rows.dim[world, g]):
-                y = wp.float64(rows.Y[world, g * dims + j, dof])
+                slot = (j * rows.sides + side) * rows.width + i
+                y = wp.float64(rows.Y[world, slot, g])
                 p += y * wp.float64(rows.total[world, j, g])
                 m += y * wp.float64(rows.moment[world, j, g])
-                push += rows.J[world, g * dims + j, dof] * rows.total[world, j, g]
+                push += rows.J[world, slot, g] * rows.total[world, j, g]
         for other in range(i + 1, n):
             factor = wp.float64(work.L[world, at + other * n + i])
             p -= factor * wp.float64(work.end[world, first + other])

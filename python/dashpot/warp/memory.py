@@ -8,6 +8,7 @@ nothing cancels, and stiffness may change from step to step.
 
 import warp as wp
 
+from dashpot.warp.rows import rate_of
 from dashpot.warp.state import CONTACT, Memory, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
@@ -160,9 +161,9 @@ def choose_again(rows: Rows, memory: Memory):
 
 @wp.kernel
 def remember(
-    dims: int,
-    nv: int,
     timestep: wp.array(dtype=wp.float32),
+    tree_dofadr: wp.array(dtype=wp.int32),
+    tree_dofnum: wp.array(dtype=wp.int32),
     geom_xmat: wp.array2d(dtype=wp.mat33),
     contact_pos: wp.array(dtype=wp.vec3),
     contact_frame: wp.array(dtype=wp.mat33),
@@ -183,12 +184,8 @@ def remember(
     rate = wp.vec3(0.0, 0.0, 0.0)
     forces = vec6d()  # k x
     for i in range(dim):
-        way = wp.float64(0.0)
-        u = wp.float64(0.0)
-        for dof in range(nv):
-            value = wp.float64(rows.J[world, g * dims + i, dof])
-            way += value * wp.float64(work.displacement[world, dof])
-            u += value * wp.float64(work.end[world, dof])
+        way = rate_of(world, i, g, tree_dofadr, tree_dofnum, work.displacement, rows)
+        u = rate_of(world, i, g, tree_dofadr, tree_dofnum, work.end, rows)
         drive = wp.float64(rows.drive[world, i, g])
         way += drive * wp.float64(timestep[world % timestep.shape[0]])
         u += drive

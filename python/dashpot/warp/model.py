@@ -34,7 +34,6 @@ class LawModel:
 
     law: Law
     microsteps: int
-    dims: int
     recovery_speed: wp.array
     comfree_stiffness: wp.array
     comfree_damping: wp.array
@@ -134,7 +133,6 @@ def put_model(
     m.dashpot = LawModel(
         law=law,
         microsteps=_microsteps(microsteps, mjm.opt.timestep),
-        dims=_dims(mjm),
         recovery_speed=_numbers("recovery_speed", recovery_speed, 0.0),
         comfree_stiffness=_numbers("comfree_stiffness", comfree_stiffness, 0.0),
         comfree_damping=_numbers("comfree_damping", comfree_damping, 0.0),
@@ -192,7 +190,25 @@ def _constraint_rows(mjm: mujoco.MjModel) -> int:
     sizes = {mujoco.mjtEq.mjEQ_CONNECT: 3, mujoco.mjtEq.mjEQ_WELD: 6}
     rows = sum(sizes.get(mujoco.mjtEq(kind), 1) for kind in mjm.eq_type)
     rows += int((mjm.dof_frictionloss > 0).sum() + (mjm.tendon_frictionloss > 0).sum())
-    return rows + _limits(mjm)
+    return int(rows) + _limits(mjm)
+
+
+def _sides(mjm: mujoco.MjModel) -> int:
+    """How many trees a row of contacts, equalities or tendons may join."""
+    most = [2]
+    for tendon in range(mjm.ntendon):
+        trees = set()
+        first = mjm.tendon_adr[tendon]
+        for wrap in range(first, first + mjm.tendon_num[tendon]):
+            kind, index = mjm.wrap_type[wrap], mjm.wrap_objid[wrap]
+            if kind == mujoco.mjtWrap.mjWRAP_JOINT:
+                trees.add(mjm.dof_treeid[mjm.jnt_dofadr[index]])
+            elif kind == mujoco.mjtWrap.mjWRAP_SITE:
+                trees.add(mjm.body_treeid[mjm.site_bodyid[index]])
+            elif kind in (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER):
+                trees.add(mjm.body_treeid[mjm.geom_bodyid[index]])
+        most.append(2 * len(trees - {-1}))  # an equality may tie two tendons
+    return int(max(1, min(mjm.ntree, max(most))))
 
 
 def _limits(mjm: mujoco.MjModel) -> int:

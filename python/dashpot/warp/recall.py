@@ -116,7 +116,6 @@ def recall_friction(
 
 @wp.kernel
 def recall(
-    dims: int,
     ahead: float,
     timestep: wp.array(dtype=wp.float32),
     recovery_speed: wp.array(dtype=wp.float32),
@@ -143,7 +142,7 @@ def recall(
     old = rows.match[world, g]
     k = rows.k[world, 0, g]
     w = rows.w[world, 0, g]
-    for i in range(dims):
+    for i in range(rows.dims):
         rows.x[world, i, g] = 0.0
         rows.rest[world, i, g] = 0.0
         rows.turning[world, i, g] = 0.0

@@ -8,7 +8,7 @@ from dashpot.warp import comfree
 from dashpot.warp.data import Data
 from dashpot.warp.model import Model
 from dashpot.warp.solve import (
-    couple,
+    bound_coupling,
     find_edits,
     find_rows,
     plan_and_recall,
@@ -16,6 +16,7 @@ from dashpot.warp.solve import (
     remember_state,
     respond,
     run_microsteps,
+    trees_of,
 )
 from dashpot.warp.stages import (
     HALF,
@@ -124,7 +125,7 @@ def _solve(m: Model, d: Data, ahead: float) -> None:
     find_smooth_motion(m, d)
     find_constraints(m, d)
     find_rows(m, d, ahead)
-    couple(m, d)
+    bound_coupling(m, d)
     plan_and_recall(m, d, ahead)
     run_microsteps(m, d)
     respond(m, d)
@@ -139,13 +140,11 @@ def _solve_complementarity_free(m: Model, d: Data) -> None:
     find_constraints(m, d)
     find_rows(m, d, 0.0)
     if own.constraint_rows:
-        trees = [m.tree_dofadr, m.tree_dofnum, own.tree_factor]
-        inputs = [own.dims, *trees, law.rows, law.work]
+        inputs = [*trees_of(m), own.tree_factor, law.rows, law.work]
         wp.launch(comfree.add_magnitudes, dim=(d.nworld, m.ntree), inputs=inputs)
     inputs = [
-        own.dims,
-        m.nv,
         m.opt.timestep,
+        *trees_of(m),
         own.comfree_stiffness,
         own.comfree_damping,
         d.contact.efc_address,
