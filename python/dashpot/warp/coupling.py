@@ -5,15 +5,32 @@ number. Beyond, micro-steps sum up forces tree by tree, ``A F = Y (Y' F)``, with
 groups have in Y. Of free bodies these are wrenches, in units that give every body unit inertia.
 Every tree has a list of the groups that join it, in their order, so that sums have one order.
 
-Bounds of the coupling are by Perron and Frobenius: with z > 0 no eigenvalue of |A| is larger than
-the largest of ``(|A| z)_i / z_i``.
+Bounds of the coupling are by Perron and Frobenius: with z > 0 no eigenvalue of ``K |A|`` is larger
+than the largest of ``k_i (|A| z)_i / z_i``. So every row has a bound of its own, ``c_i = (|A| z)_i
+/ z_i``, and what is pressed elsewhere in the world makes it no softer.
 """
 
 import warp as wp
 
-from dashpot.warp.state import SLIDER, Rows, Work
+from dashpot.warp.state import CONTACT, SLIDER, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
+
+
+@wp.func
+def same_bodies(
+    world: int, g: int, other: int, geom_bodyid: wp.array(dtype=wp.int32), rows: Rows
+) -> bool:
+    """Whether two groups are contacts of the same two bodies."""
+    if rows.kind[world, other] != int(CONTACT):
+        return False
+    mine = rows.key[world, g]
+    theirs = rows.key[world, other]
+    a = geom_bodyid[mine[0]]
+    b = geom_bodyid[mine[1]]
+    c = geom_bodyid[theirs[0]]
+    d = geom_bodyid[theirs[1]]
+    return (a == c and b == d) or (a == d and b == c)
 
 
 @wp.kernel
@@ -155,13 +172,34 @@ def bound_round(by_trees: bool, before: int, rows: Rows, work: Work):
 
 
 @wp.kernel
-def bound_end(before: int, rows: Rows, work: Work):
-    """Find the largest quotients; thread per (world, vector)."""
-    world, vector = wp.tid()
+def bound_groups(before: int, rows: Rows, work: Work):
+    """Find the largest quotients of a group's rows; thread per (vector, group)."""
+    world, vector, g = wp.tid()
+    if g == 0:
+        work.bound[world, vector] = 0.0
+    if g >= rows.count[world]:
+        return
     c = float(0.0)
-    for g in range(rows.count[world]):
-        for i in range(rows.dim[world, g]):
-            below = work.z[world, 3 * before + vector, i, g]
-            if below > 0.0:
-                c = wp.max(c, work.z[world, 3 * (1 - before) + vector, i, g] / below)
-    work.bound[world, vector] = c
+    for i in range(rows.dim[world, g]):
+        below = work.z[world, 3 * before + vector, i, g]
+        if below > 0.0:
+            c = wp.max(c, work.z[world, 3 * (1 - before) + vector, i, g] / below)
+    rows.own_bound[world, vector, g] = c
+
+
+@wp.kernel
+def share_bounds(geom_bodyid: wp.array(dtype=wp.int32), rows: Rows, work: Work):
+    """Give contacts of the same two bodies one bound, the largest; thread per (vector, group)."""
+    world, vector, g = wp.tid()
+    if g >= rows.count[world]:
+        return
+    c = rows.own_bound[world, vector, g]
+    tree = rows.tree[world, 0, g]
+    if rows.kind[world, g] == int(CONTACT) and tree >= 0:
+        # Contacts of two bodies join the same trees.
+        for m in range(work.first[world, tree], work.first[world, tree + 1]):
+            other = rows.members[world, m] / rows.sides
+            if same_bodies(world, g, other, geom_bodyid, rows):
+                c = wp.max(c, rows.own_bound[world, vector, other])
+    rows.bound[world, vector, g] = c
+    wp.atomic_max(work.bound, world, vector, c)

@@ -59,6 +59,7 @@ class LawData:
             "J": (nworld, slots, groups),
             "Y": (nworld, slots, groups),
             "A": (nworld, blocks * dims, dims, blocks),
+            "own_bound": (nworld, 3, groups),
             "e": (nworld, 4 * dims, groups),
             "qpos": (nworld, nq),
             "rest": (nworld, nq),
@@ -76,6 +77,7 @@ class LawData:
             "tree_force": (nworld, ntree * width),
             "tree_impulse": (nworld, ntree * width),
             "twist": (nworld, mjm.nbody),
+            "blow": (nworld, mjm.nbody),
             "z": (nworld, 6, dims, groups),
             "bound": (nworld, 3),
             "clipped": (nworld,),
@@ -91,6 +93,8 @@ class LawData:
                 shape = special.get(name)
                 if shape is None or len(shape) != kind.ndim or (name == "force" and not is_work):
                     shape = (nworld, dims, groups) if kind.ndim == 3 else (nworld, groups)
+                if name == "bound" and not is_work:
+                    shape = (nworld, 3, groups)
                 setattr(instance, name, wp.zeros(shape, dtype=kind.dtype, device=self.device))
             return instance
 
@@ -98,6 +102,7 @@ class LawData:
         self.rows.dims, self.rows.sides, self.rows.width = dims, sides, width
         self.memory = make(Memory)
         self.work = make(Work, is_work=True)
+        self.geom_speed = wp.zeros((nworld, max(1, mjm.ngeom)), dtype=wp.float32)
         self.geom_margin = wp.zeros((nworld, max(1, mjm.ngeom)), dtype=wp.float32)
         self.pair_margin = wp.zeros((nworld, max(1, mjm.npair)), dtype=wp.float32)
         self.jnt_margin = wp.zeros((nworld, max(1, mjm.njnt)), dtype=wp.float32)
@@ -115,7 +120,7 @@ class LawData:
 
     @property
     def bound(self) -> wp.array:
-        """(nworld, 3) bounds of the coupling: of stiffness, of damping of normals and friction."""
+        """(nworld, 3) largest bounds: of stiffness, of damping of normals and of friction."""
         return self.work.bound
 
     @property

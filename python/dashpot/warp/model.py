@@ -128,6 +128,9 @@ def put_model(
     refuse(mjm, given, pairs)
     private = copy.copy(mjm)
     private.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    # Two boxes have MuJoCo's own manifold: the convex one keeps four points, and may leave out the
+    # deepest where it looks ahead.
+    private.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_NATIVECCD
     m: Model = mujoco_warp.put_model(private, batch_sizes)
     m.__class__ = Model
     m.dashpot = LawModel(

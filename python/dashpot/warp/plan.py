@@ -5,13 +5,15 @@ Rows whose own entry of A is 1 are as stiff as micro-steps of length h resolve, 
 
     kappa h^2 = min(1.5, 1 / (c - 1)),    delta_n h <= 1 / (c_n - 1),    delta_t h <= 1 / (c_t - 1)
 
-with the bounds c of all rows, of normals and of friction. There is one bound per world. Stiffness
-in SI units is lowered only beyond that, and counted.
+with the bounds c of all rows, of normals and of friction (`dashpot.warp.coupling`). Stiffness in SI
+units is lowered only beyond that, and counted.
 """
 
 import warp as wp
 
+from dashpot.warp.coupling import same_bodies
 from dashpot.warp.material import Pair, pair_material, solref_rates
+from dashpot.warp.reach import BLOW, SLOW
 from dashpot.warp.state import CONTACT, SLIDER, UNILATERAL, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
@@ -21,8 +23,6 @@ SERIES = 4.0  # w k h^2 and w d h that the law's series takes
 RIGID_INELASTIC = 3.0  # damping ratio of a rigid contact with restitution 0
 INELASTIC = 50.0  # the same with a stiffness
 BEARABLE = 981.0  # m/s^2, a hundred weights
-BLOW = 40.0  # m/s^2: what changes rates by more within a step is a blow,
-SLOW = 0.02  # m/s, but nothing as slow as this
 REACHED = 3.0  # times the way of the fastest in a step, within which others may be pressed
 
 
@@ -49,21 +49,14 @@ def find_touching(
     mean = rows.w[world, 0, g]
     tree = rows.tree[world, 0, g]
     if kind == int(CONTACT) and tree >= 0:
-        key = rows.key[world, g]
-        a = geom_bodyid[key[0]]
-        b = geom_bodyid[key[1]]
         total = float(0.0)
         number = float(0.0)
         # Contacts of two bodies join the same trees.
         for m in range(work.first[world, tree], work.first[world, tree + 1]):
             other = rows.members[world, m] / rows.sides
-            if rows.kind[world, other] == int(CONTACT):
-                theirs = rows.key[world, other]
-                c = geom_bodyid[theirs[0]]
-                d = geom_bodyid[theirs[1]]
-                if (a == c and b == d) or (a == d and b == c):
-                    total += rows.w[world, 0, other]
-                    number += 1.0
+            if same_bodies(world, g, other, geom_bodyid, rows):
+                total += rows.w[world, 0, other]
+                number += 1.0
         mean = total / wp.max(number, 1.0)
     rows.pair_w[world, g] = mean
 
@@ -106,9 +99,9 @@ def fill_rows(
     if g >= rows.count[world]:
         return
     h = timestep[world % timestep.shape[0]] / float(microsteps)
-    most_n = inverse_of_coupling(work.bound[world, 1]) / h
-    most_t = inverse_of_coupling(work.bound[world, 2]) / h
-    resolved = wp.min(STIFFEST_ALONE, inverse_of_coupling(work.bound[world, 0])) / (h * h)
+    most_n = inverse_of_coupling(rows.bound[world, 1, g]) / h
+    most_t = inverse_of_coupling(rows.bound[world, 2, g]) / h
+    resolved = wp.min(STIFFEST_ALONE, inverse_of_coupling(rows.bound[world, 0, g])) / (h * h)
     kind = rows.kind[world, g]
     dim = rows.dim[world, g]
     w = rows.pair_w[world, g]

@@ -128,7 +128,9 @@ def bound_coupling(m: Model, d: Data) -> None:
             inputs=[law.by_trees, before, state, work],
         )
         before = 1 if before == 0 else 0
-    wp.launch(coupling.bound_end, dim=(d.nworld, 3), inputs=[1 - before, state, work])
+    every = (d.nworld, 3, law.groups)
+    wp.launch(coupling.bound_groups, dim=every, inputs=[1 - before, state, work])
+    wp.launch(coupling.share_bounds, dim=every, inputs=[m.geom_bodyid, state, work])
 
 
 def plan_and_recall(m: Model, d: Data, ahead: float) -> None:

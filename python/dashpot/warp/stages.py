@@ -75,11 +75,14 @@ def _find_contacts(m: Model, d: Data) -> None:
     law, own = d.dashpot, m.dashpot
     npair = own.explicit_pairs.shape[0]
     if own.law != "comfree":
-        geoms = [m.geom_bodyid, m.geom_rbound, d.geom_xpos, d.xpos, own.geom_margin, law.work]
+        geoms, every = [m.geom_bodyid, m.geom_rbound, d.geom_xpos], (d.nworld, m.ngeom)
+        speeds = [law.geom_speed, law.work]
+        wp.launch(reach.find_speeds, dim=every, inputs=[*geoms, d.xpos, law.work, law.geom_speed])
+        wp.launch(reach.find_blows, dim=every, inputs=[m.opt.timestep, *geoms, *speeds])
         wp.launch(
             reach.widen_geoms,
-            dim=(d.nworld, m.ngeom),
-            inputs=[m.opt.timestep, m.opt.gravity, *geoms],
+            dim=every,
+            inputs=[m.opt.timestep, m.opt.gravity, m.geom_bodyid, own.geom_margin, *speeds],
             outputs=[law.geom_margin],
         )
         wp.launch(

@@ -43,6 +43,8 @@ class Rows:
     slack: wp.array2d(dtype=wp.float32)  # compression beyond the overlap, m
     credit: wp.array2d(dtype=wp.float32)  # J
     pair_w: wp.array2d(dtype=wp.float32)  # mean inverse mass of the normals of two bodies, 1/kg
+    own_bound: wp.array3d(dtype=wp.float32)  # (world, 3, group): of stiffness, normals, friction
+    bound: wp.array3d(dtype=wp.float32)  # the largest of contacts of the same two bodies
     turning: wp.array3d(dtype=wp.float32)  # dJ/dt v, m/s^2
     drive: wp.array3d(dtype=wp.float32)  # part of u by surfaces of mocap bodies
     u: wp.array3d(dtype=wp.float32)  # rates, of the geometry of the middle
@@ -114,11 +116,12 @@ class Work:
     end: wp.array2d(dtype=wp.float32)  # velocities after the forces, at the middle
     edited: wp.array2d(dtype=wp.int32)  # by tree: 1 velocities, 2 positions changed by hand
     twist: wp.array2d(dtype=wp.spatial_vector)  # of bodies at their frames: angular, linear
+    blow: wp.array2d(dtype=wp.float32)  # of bodies: speed of what may hit them, m/s
     z: wp.array4d(dtype=wp.float32)  # (world, vector, row, group) of the coupling bound
     first: wp.array2d(dtype=wp.int32)  # (world, tree) of rows.members, and how many after the last
     tree_force: wp.array2d(dtype=wp.float32)  # (world, tree * width + dof): Y' F
     tree_impulse: wp.array2d(dtype=wp.float32)
-    bound: wp.array2d(dtype=wp.float32)  # (world, 3): coupling of stiffness, normals, friction
+    bound: wp.array2d(dtype=wp.float32)  # (world, 3): the largest of a world
     clipped: wp.array(dtype=wp.int32)  # rows whose given stiffness was lowered, in all steps
     overflow: wp.array(dtype=wp.int32)  # 1 where a world had more groups than fit
     diverged: wp.array(dtype=wp.int32)  # 1 where a world lost its numbers
