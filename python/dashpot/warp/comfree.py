@@ -8,17 +8,21 @@ length dt::
     v_p = u_n +- mu_i u_i,    u = J (v + dt a_smooth),    m = imp / ((1 - imp) w_0)
 
 Limits are facets, equalities push both ways, dry friction stops its row within the step up to its
-limit. Nothing is remembered. m is MuJoCo's ``efc_D`` of the normal row.
+limit. Nothing is remembered. m is MuJoCo's ``efc_D`` of the normal row; of an equality of several
+rows, where MuJoCo takes imp at the norm of their errors, that of each row's own error.
 """
 
 import warp as wp
 
+from dashpot.warp.material import impedance
 from dashpot.warp.state import BILATERAL, SLIDER, UNILATERAL, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
 
 MINIMUM = 1.0e-15  # MuJoCo's mjMINVAL
 OF_COUPLING = 0.55
+
+vec5 = wp.types.vector(5, wp.float32)
 
 
 @wp.kernel
@@ -69,6 +73,34 @@ def spring_damper(k: float, d: float, mass: float, gap: float, rate: float, step
     return mass * (-d * rate - k * (gap + step * rate)) / step
 
 
+@wp.func
+def ratio_of(impedance: float) -> float:
+    """Mass over that of the constraint."""
+    return impedance / (1.0 - impedance)
+
+
+@wp.func
+def own_mass(
+    world: int,
+    row: int,
+    mass: float,
+    gap: float,
+    ne: int,
+    efc_id: wp.array2d(dtype=wp.int32),
+    efc_pos: wp.array2d(dtype=wp.float32),
+    eq_solimp: wp.array2d(dtype=vec5),
+) -> float:
+    """Mass at the impedance of a row's own error."""
+    equality = efc_id[world, row]
+    square = float(0.0)
+    for other in range(ne):
+        if efc_id[world, other] == equality:
+            square += efc_pos[world, other] * efc_pos[world, other]
+    solimp = eq_solimp[world % eq_solimp.shape[0], equality]
+    of_all = ratio_of(impedance(solimp, wp.sqrt(square)))
+    return mass * ratio_of(impedance(solimp, gap)) / of_all
+
+
 @wp.kernel
 def push_apart(
     timestep: wp.array(dtype=wp.float32),
@@ -78,6 +110,10 @@ def push_apart(
     damping: wp.array(dtype=wp.float32),
     contact_address: wp.array2d(dtype=wp.int32),
     efc_D: wp.array2d(dtype=wp.float32),
+    ne: wp.array(dtype=wp.int32),
+    efc_id: wp.array2d(dtype=wp.int32),
+    efc_pos: wp.array2d(dtype=wp.float32),
+    eq_solimp: wp.array2d(dtype=vec5),
     rows: Rows,
     work: Work,
 ):
@@ -116,6 +152,7 @@ def push_apart(
             limit = rows.limit[world, g]
             force = wp.clamp(-normal / (T * inverse), -limit, limit)
         if kind == int(BILATERAL):
+            mass = own_mass(world, row, mass, gap, ne[world], efc_id, efc_pos, eq_solimp)
             stable = wp.min(mass, 1.0 / ((d + k * T) * coupling))
             force = spring_damper(k, d, stable, gap, normal, T)
         rows.total[world, 0, g] = T * force

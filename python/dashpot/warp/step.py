@@ -149,6 +149,10 @@ def _solve_complementarity_free(m: Model, d: Data) -> None:
         own.comfree_damping,
         d.contact.efc_address,
         d.efc.D,
+        d.ne,
+        d.efc.id,
+        d.efc.pos,
+        m.eq_solimp,
         law.rows,
         law.work,
     ]
