@@ -14,7 +14,9 @@ rows, where MuJoCo takes imp at the norm of their errors, that of each row's own
 
 import warp as wp
 
+from dashpot.warp.inertia import solve_in_place
 from dashpot.warp.material import impedance
+from dashpot.warp.rows import efc_row
 from dashpot.warp.state import BILATERAL, SLIDER, UNILATERAL, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
@@ -50,16 +52,8 @@ def add_magnitudes(
     for column in range(n):
         # A column of inv(H), in place of H's row of the factor's structure.
         for i in range(n):
-            value = wp.where(i == column, 1.0, 0.0)
-            for other in range(i):
-                value -= work.L[world, at + i * n + other] * work.force[world, first + other]
-            work.force[world, first + i] = value / work.L[world, at + i * n + i]
-        for r in range(n):
-            i = n - 1 - r
-            value = work.force[world, first + i]
-            for other in range(i + 1, n):
-                value -= work.L[world, at + other * n + i] * work.force[world, first + other]
-            work.force[world, first + i] = value / work.L[world, at + i * n + i]
+            work.force[world, first + i] = wp.where(i == column, 1.0, 0.0)
+        solve_in_place(at, first, n, work.L[world], work.force[world])
         for i in range(n):
             work.displacement[world, first + i] = (
                 work.displacement[world, first + i]
@@ -128,11 +122,7 @@ def push_apart(
     dim = rows.dim[world, g]
     gap = rows.gap[world, g]
     source = rows.source[world, g]
-    row = int(0)
-    if source >= 0:
-        row = contact_address[source, 0]
-    else:
-        row = -1 - source
+    row = efc_row(source, 0, contact_address)
     mass = efc_D[world, row]
     for i in range(dim):
         rows.total[world, i, g] = 0.0

@@ -7,7 +7,8 @@ Every tree has a list of the groups that join it, in their order, so that sums h
 
 Bounds of the coupling are by Perron and Frobenius: with z > 0 no eigenvalue of ``K |A|`` is larger
 than the largest of ``k_i (|A| z)_i / z_i``. So every row has a bound of its own, ``c_i = (|A| z)_i
-/ z_i``, and what is pressed elsewhere in the world makes it no softer.
+/ z_i``, and what is pressed elsewhere in the world makes it no softer. What stays open in the step
+softens no other, but has the bound of a row that closes.
 """
 
 import warp as wp
@@ -98,8 +99,8 @@ def couple(rows: Rows):
 
 @wp.func
 def unit_weight(world: int, i: int, g: int, rows: Rows) -> float:
-    """1 / sqrt(w) by which a row of A is weighted, 0 of rows that take no part."""
-    if rows.touch[world, g] == 0 or i >= rows.dim[world, g]:
+    """1 / sqrt(w) by which a row of A is weighted, 0 of what is no row."""
+    if i >= rows.dim[world, g]:
         return 0.0
     if i > 0 and rows.mu[world, i, g] <= 0.0:
         return 0.0
@@ -153,15 +154,16 @@ def bound_round(by_trees: bool, before: int, rows: Rows, work: Work):
                 for m in range(work.first[world, tree], work.first[world, tree + 1]):
                     other = rows.members[world, m] / rows.sides
                     their = rows.members[world, m] % rows.sides
-                    if rows.touch[world, other] == 1:
+                    if rows.touch[world, other] == 1 or other == g:
                         for j in range(rows.dim[world, other]):
                             entry = product_of(world, i, g, side, j, other, their, rows)
                             total = add_of_other(total, entry, world, j, other, before, rows, work)
     elif mine > 0.0:
         for other in range(rows.count[world]):
-            for j in range(rows.dim[world, other]):
-                entry = rows.A[world, other * rows.dims + j, i, g]
-                total = add_of_other(total, entry, world, j, other, before, rows, work)
+            if rows.touch[world, other] == 1 or other == g:
+                for j in range(rows.dim[world, other]):
+                    entry = rows.A[world, other * rows.dims + j, i, g]
+                    total = add_of_other(total, entry, world, j, other, before, rows, work)
     after = 0
     if before == 0:
         after = 1

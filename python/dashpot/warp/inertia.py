@@ -151,6 +151,24 @@ def factor(
                 L[at + i * n + j] = s / L[at + j * n + j]
 
 
+@wp.func
+def solve_in_place(
+    at: int, first: int, n: int, L: wp.array(dtype=wp.float32), x: wp.array(dtype=wp.float32)
+):
+    """Solve H x = what x holds, of one tree."""
+    for i in range(n):
+        s = x[first + i]
+        for other in range(i):
+            s -= L[at + i * n + other] * x[first + other]
+        x[first + i] = s / L[at + i * n + i]
+    for r in range(n):
+        i = n - 1 - r
+        s = x[first + i]
+        for other in range(i + 1, n):
+            s -= L[at + other * n + i] * x[first + other]
+        x[first + i] = s / L[at + i * n + i]
+
+
 @wp.kernel
 def solve_smooth(
     tree_dofadr: wp.array(dtype=wp.int32),
@@ -163,19 +181,9 @@ def solve_smooth(
     first = tree_dofadr[tree]
     n = tree_dofnum[tree]
     at = tree_factor[tree]
-    L = work.L[world]
-    a = work.a[world]
     for i in range(n):
-        s = work.force[world, first + i]
-        for other in range(i):
-            s -= L[at + i * n + other] * a[first + other]
-        a[first + i] = s / L[at + i * n + i]
-    for r in range(n):
-        i = n - 1 - r
-        s = a[first + i]
-        for other in range(i + 1, n):
-            s -= L[at + other * n + i] * a[first + other]
-        a[first + i] = s / L[at + i * n + i]
+        work.a[world, first + i] = work.force[world, first + i]
+    solve_in_place(at, first, n, work.L[world], work.a[world])
 
 
 @wp.kernel

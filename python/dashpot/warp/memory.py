@@ -58,12 +58,32 @@ def find_edits(
 
 
 @wp.func
-def edit_of(world: int, geom: int, geom_tree: wp.array(dtype=wp.int32), work: Work) -> int:
-    """Return what was changed by hand of the tree of a geom."""
-    tree = geom_tree[geom]
-    if tree < 0:
-        return 0
-    return work.edited[world, tree]
+def edit_of(world: int, key: wp.vec3i, geom_tree: wp.array(dtype=wp.int32), work: Work) -> int:
+    """Return what was changed by hand of the trees of two geoms: 1 velocities, 2 positions."""
+    edit = int(0)
+    for side in range(2):
+        tree = geom_tree[key[side]]
+        if tree >= 0:
+            edit = wp.max(edit, work.edited[world, tree])
+    return edit
+
+
+@wp.func
+def to_geom(
+    world: int,
+    geom: int,
+    point: wp.vec3,
+    geom_xpos: wp.array2d(dtype=wp.vec3),
+    geom_xmat: wp.array2d(dtype=wp.mat33),
+) -> wp.vec3:
+    """Return a point in the frame of a geom (m)."""
+    return wp.transpose(geom_xmat[world, geom]) @ (point - geom_xpos[world, geom])
+
+
+@wp.func
+def axis_of(frame: wp.mat33, i: int) -> wp.vec3:
+    """Return a row of a contact's frame: the normal, or a tangent."""
+    return wp.vec3(frame[i, 0], frame[i, 1], frame[i, 2])
 
 
 @wp.func
@@ -97,13 +117,9 @@ def find_nearest(
                 rows.match[world, g] = old
         return
     point = contact_pos[rows.source[world, g]]
-    rows.local1[world, g] = wp.transpose(geom_xmat[world, key[0]]) @ (
-        point - geom_xpos[world, key[0]]
-    )
-    rows.local2[world, g] = wp.transpose(geom_xmat[world, key[1]]) @ (
-        point - geom_xpos[world, key[1]]
-    )
-    if edit_of(world, key[0], geom_tree, work) == 2 or edit_of(world, key[1], geom_tree, work) == 2:
+    rows.local1[world, g] = to_geom(world, key[0], point, geom_xpos, geom_xmat)
+    rows.local2[world, g] = to_geom(world, key[1], point, geom_xpos, geom_xmat)
+    if edit_of(world, key, geom_tree, work) == 2:
         return
     best = float(wp.inf)
     for old in range(memory.count[world]):
@@ -208,15 +224,13 @@ def remember(
     if kind != int(CONTACT):
         return
     frame = contact_frame[rows.source[world, g]]
-    t1 = wp.vec3(frame[1, 0], frame[1, 1], frame[1, 2])
-    t2 = wp.vec3(frame[2, 0], frame[2, 1], frame[2, 2])
-    memory.normal[world, g] = wp.vec3(frame[0, 0], frame[0, 1], frame[0, 2])
+    memory.normal[world, g] = axis_of(frame, 0)
     memory.point[world, g] = contact_pos[rows.source[world, g]]
     memory.rate[world, g] = wp.transpose(frame) @ rate
     # The inverse proper: what does not turn must not lose by rounding of the frame.
     to_local = wp.inverse(wp.mat33d(geom_xmat[world, rows.key[world, g][0]]))
-    along1 = wp.vec3d(t1)
-    along2 = wp.vec3d(t2)
+    along1 = wp.vec3d(axis_of(frame, 1))
+    along2 = wp.vec3d(axis_of(frame, 2))
     slide = wp.vec3d()
     roll = wp.vec3d()
     spin = wp.float64(0.0)

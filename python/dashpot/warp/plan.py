@@ -23,6 +23,7 @@ SERIES = 4.0  # w k h^2 and w d h that the law's series takes
 RIGID_INELASTIC = 3.0  # damping ratio of a rigid contact with restitution 0
 INELASTIC = 50.0  # the same with a stiffness
 BEARABLE = 981.0  # m/s^2, a hundred weights
+PUSHED = 20.0  # m/s^2, by which what is still is pressed on within a step
 REACHED = 3.0  # times the way of the fastest in a step, within which others may be pressed
 
 
@@ -43,7 +44,7 @@ def find_touching(
     touch = int(1)
     if kind <= int(UNILATERAL):
         closing = wp.min(0.0, wp.min(u, u + T * rows.c[world, 0, g]))
-        if rows.gap[world, g] + 2.0 * T * closing > 0.0:
+        if rows.gap[world, g] + 2.0 * T * closing > T * (SLOW + T * PUSHED):
             touch = 0
     rows.touch[world, g] = touch
     mean = rows.w[world, 0, g]

@@ -117,6 +117,14 @@ def clip_counts(rows: Rows):
 
 
 @wp.func
+def efc_row(source: int, i: int, contact_address: wp.array2d(dtype=wp.int32)) -> int:
+    """MuJoCo's row of row i of a group."""
+    if source >= 0:
+        return contact_address[source, i]
+    return -1 - source
+
+
+@wp.func
 def place(value: float, world: int, i: int, g: int, dof: int, tree: int, first: int, rows: Rows):
     """Put an entry of J to the side of its tree, which is claimed if it is new."""
     for side in range(rows.sides):
@@ -185,11 +193,7 @@ def prepare_rows(
     for side in range(rows.sides):
         rows.tree[world, side, g] = -1
     for i in range(dim):
-        row = int(0)
-        if source >= 0:
-            row = contact_address[source, i]
-        else:
-            row = -1 - source
+        row = efc_row(source, i, contact_address)
         for slot in range(rows.sides * rows.width):
             rows.J[world, i * rows.sides * rows.width + slot, g] = 0.0
         if is_sparse:
