@@ -125,9 +125,12 @@ def put_model(
     if law not in ("kelvin_voigt", "comfree"):
         raise ValueError(f"law must be 'kelvin_voigt' or 'comfree', got {law!r}")
     given, pairs = _materials(mjm, materials, pair_materials)
-    refuse(mjm, given, pairs)
+    refuse(mjm, given, pairs, law)
     private = copy.copy(mjm)
     private.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    if mjm.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICIT:
+        # What it has beside `implicitfast`, Coriolis forces, are those of the middle of the step.
+        private.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # Two boxes have MuJoCo's own manifold: the convex one keeps four points, and may leave out the
     # deepest where it looks ahead.
     private.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_NATIVECCD
