@@ -94,6 +94,27 @@ def square_distance(world: int, g: int, old: int, rows: Rows, memory: Memory) ->
     return wp.min(wp.dot(first, first), wp.dot(second, second))
 
 
+@wp.func
+def first_of(world: int, key: wp.vec3i, memory: Memory) -> int:
+    """Return where what two geoms remember begins, in the order of keys."""
+    low = int(0)
+    high = int(memory.count[world])
+    while low < high:
+        middle = (low + high) / 2
+        known = memory.key[world, middle]
+        if known[0] < key[0] or (known[0] == key[0] and known[1] < key[1]):
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@wp.func
+def is_same(a: wp.vec3i, b: wp.vec3i) -> bool:
+    """Whether two keys have the same geoms."""
+    return a[0] == b[0] and a[1] == b[1]
+
+
 @wp.kernel
 def find_nearest(
     geom_tree: wp.array(dtype=wp.int32),
@@ -122,13 +143,13 @@ def find_nearest(
     if edit_of(world, key, geom_tree, work) == 2:
         return
     best = float(wp.inf)
-    for old in range(memory.count[world]):
-        known = memory.key[world, old]
-        if known[0] == key[0] and known[1] == key[1]:
-            distance = square_distance(world, g, old, rows, memory)
-            if distance < best:
-                best = distance
-                rows.wanted[world, g] = old
+    old = first_of(world, key, memory)
+    while old < memory.count[world] and is_same(memory.key[world, old], key):
+        distance = square_distance(world, g, old, rows, memory)
+        if distance < best:
+            best = distance
+            rows.wanted[world, g] = old
+        old += 1
     rows.distance[world, g] = best
 
 
@@ -142,12 +163,18 @@ def settle_contests(rows: Rows):
     if wanted < 0:
         return
     mine = rows.distance[world, g]
-    for other in range(rows.count[world]):
+    key = rows.key[world, g]
+    # Only those of the same geoms do, which lie beside each other.
+    other = int(g)
+    while other > 0 and is_same(rows.key[world, other - 1], key):
+        other -= 1
+    while other < rows.count[world] and is_same(rows.key[world, other], key):
         if other != g and rows.wanted[world, other] == wanted:
             theirs = rows.distance[world, other]
             if theirs < mine or (theirs == mine and other < g):
                 rows.match[world, g] = int(CONTESTED)
                 return
+        other += 1
     rows.match[world, g] = wanted
 
 
@@ -161,17 +188,18 @@ def choose_again(rows: Rows, memory: Memory):
             key = rows.key[world, g]
             best = float(wp.inf)
             choice = int(NONE)
-            for old in range(memory.count[world]):
-                known = memory.key[world, old]
-                if known[0] == key[0] and known[1] == key[1]:
-                    distance = square_distance(world, g, old, rows, memory)
-                    free = bool(distance < best)
-                    for other in range(count):
-                        if rows.match[world, other] == old:
-                            free = False
-                    if free:
-                        best = distance
-                        choice = old
+            old = first_of(world, key, memory)
+            while old < memory.count[world] and is_same(memory.key[world, old], key):
+                distance = square_distance(world, g, old, rows, memory)
+                free = bool(distance < best)
+                other = int(0)
+                while free and other < count:
+                    free = rows.match[world, other] != old
+                    other += 1
+                if free:
+                    best = distance
+                    choice = old
+                old += 1
             rows.match[world, g] = choice
 
 
