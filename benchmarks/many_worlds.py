@@ -6,6 +6,11 @@ by MuJoCo's collision in double precision; creep is how far the free bodies that
 in the timed steps. MuJoCo Warp has the model's own settings, with Newton and with CG.
 
     python benchmarks/many_worlds.py --device cpu --worlds 1 4 --scenes humanoid hand bin-90
+    python benchmarks/many_worlds.py --device cpu --drop
+
+With `--drop` twenty mixed bodies fall into a walled square for two seconds, at four time steps;
+mean and standard deviation of the overlap are over all contacts that overlap, a hundred times a
+second.
 """
 
 from __future__ import annotations
@@ -22,11 +27,13 @@ import numpy as np
 import warp as wp
 
 import dashpot.warp as dw
-from piles import BINS, bin_of
+from piles import BINS, bin_of, heap
+from scene import mjcf
 from scenes import slope
 
 WAYS = ("dashpot", "dashpot comfree", "MuJoCo Warp Newton", "MuJoCo Warp CG")
 SETTLE = 1.0  # s
+DROP_STEPS = (0.001, 0.002, 0.005, 0.01)  # s
 
 
 def packaged(package: str, path: str) -> mujoco.MjModel:
@@ -50,6 +57,10 @@ def model_of(name: str) -> mujoco.MjModel:
         return humanoids(1)
     if name == "three humanoids":
         return humanoids(3)
+    if name == "aloha":
+        return packaged("mujoco_warp", "test_data/aloha_pot/scene.xml")
+    if name == "GR1":
+        return packaged("robosuite", "models/assets/robots/gr1/robot.xml")
     if name == "hand":
         return packaged("gymnasium_robotics", "envs/assets/hand/manipulate_block.xml")
     if name == "slope":
@@ -59,14 +70,19 @@ def model_of(name: str) -> mujoco.MjModel:
 
 def contacts_of(name: str) -> int:
     """Return how many contacts a world may have."""
-    sizes = {"bin-90": 200, "bin-350": 700, "hand": 64, "three humanoids": 200, "slope": 8}
+    sizes = {
+        "bin-90": 200,
+        "bin-350": 700,
+        "bin-1400": 2400,
+        "hand": 64,
+        "three humanoids": 200,
+        "slope": 8,
+    }
     return sizes.get(name, 64)
 
 
-def prepare(name: str, way: str, nworld: int) -> tuple[Any, Any, Any]:
+def prepare(mjm: mujoco.MjModel, nconmax: int, way: str, nworld: int) -> tuple[Any, Any, Any]:
     """Return model, data and step of one way."""
-    mjm = model_of(name)
-    nconmax = contacts_of(name)
     if way.startswith("dashpot"):
         m = dw.put_model(mjm, law="comfree" if way.endswith("comfree") else "kelvin_voigt")
         return m, dw.make_data(mjm, nworld, nconmax=nconmax), dw.step
@@ -76,20 +92,35 @@ def prepare(name: str, way: str, nworld: int) -> tuple[Any, Any, Any]:
     return m, mjw.make_data(mjm, nworld, nconmax=nconmax, njmax=4 * nconmax + mjm.nv), mjw.step
 
 
-def overlap(mjm: mujoco.MjModel, qpos: np.ndarray) -> float:
-    """Return the mean overlap of contacts (m), in double precision."""
+def overlaps(mjm: mujoco.MjModel, qpos: np.ndarray) -> list[float]:
+    """Return the overlaps of contacts (m), in double precision."""
     data = mujoco.MjData(mjm)
     data.qpos[:] = qpos
     mujoco.mj_kinematics(mjm, data)
     mujoco.mj_collision(mjm, data)
-    depths = [-contact.dist for contact in data.contact if contact.dist < 0]
-    return float(np.mean(depths)) if depths else 0.0
+    return [-contact.dist for contact in data.contact if contact.dist < 0]
+
+
+def drop(timestep: float, way: str) -> tuple[float, float]:
+    """Return mean and standard deviation of the overlap of what falls (m)."""
+    mjm = mujoco.MjModel.from_xml_string(mjcf(heap(20, size=0.05, half=0.2, seed=0)))
+    mjm.opt.timestep = timestep
+    m, d, step = prepare(mjm, 400, way, 1)
+    step(m, d)
+    with wp.ScopedCapture() as capture:
+        step(m, d)
+    found: list[float] = []
+    for _ in range(200):
+        for _ in range(round(0.01 / timestep)):
+            wp.capture_launch(capture.graph)
+        found += overlaps(mjm, d.qpos.numpy()[0])
+    return float(np.mean(found)), float(np.std(found))
 
 
 def measure(name: str, way: str, nworld: int, steps: int) -> dict[str, float]:
     """Settle, then time `steps` steps."""
-    m, d, step = prepare(name, way, nworld)
     mjm = model_of(name)
+    m, d, step = prepare(mjm, contacts_of(name), way, nworld)
     step(m, d)
     with wp.ScopedCapture() as capture:
         step(m, d)
@@ -108,7 +139,7 @@ def measure(name: str, way: str, nworld: int, steps: int) -> dict[str, float]:
     creep = float(np.median(np.abs(after - before)[rows])) if rows.size else 0.0
     return {
         "world-steps/s": nworld * steps / taken,
-        "overlap": overlap(mjm, after),
+        "overlap": float(np.mean(overlaps(mjm, after) or [0.0])),
         "creep": creep,
         "finite": float(np.isfinite(after).all()),
     }
@@ -121,10 +152,19 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=100)
     parser.add_argument("--scenes", nargs="+", default=["humanoid", "hand", "bin-90"])
     parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=WAYS)
+    parser.add_argument("--drop", action="store_true", help="overlap of what falls instead")
     arguments = parser.parse_args()
     if arguments.device:
         wp.set_device(arguments.device)
     wp.config.quiet = True
+    if arguments.drop:
+        print("| way | " + " | ".join(f"{1e3 * t:g} ms (mm)" for t in DROP_STEPS) + " |")
+        print("|---" * (1 + len(DROP_STEPS)) + "|")
+        for way in arguments.ways:
+            found = [drop(timestep, way) for timestep in DROP_STEPS]
+            cells = [f"{1e3 * mean:.3f} +- {1e3 * spread:.3f}" for mean, spread in found]
+            print(f"| {way} | " + " | ".join(cells) + " |", flush=True)
+        return
     print(f"device {wp.get_device()}; GPU columns are measured on a GPU only")
     print("| scene | worlds | way | world-steps/s | mean overlap (um) | creep (um) |")
     print("|---|---|---|---|---|---|")

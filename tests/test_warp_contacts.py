@@ -88,6 +88,34 @@ def test_a_pile_of_eight_comes_to_rest_with_little_overlap():
     assert not worlds.d.dashpot.overflow.numpy().any()
 
 
+def test_blocks_and_trees_couple_alike():
+    """Beyond 64 contacts their forces are summed up body by body."""
+    model = model_of(mjcf(heap(8, size=0.05, half=0.2, seed=3)), 0.001)
+    by_blocks, by_trees = (Worlds(model, nconmax=nconmax) for nconmax in (64, 65))
+    assert [worlds.d.dashpot.by_trees for worlds in (by_blocks, by_trees)] == [False, True]
+    for worlds in (by_blocks, by_trees):
+        worlds.step(130)  # some have landed; later they part by the chaos of a pile
+    np.testing.assert_allclose(by_trees.qpos, by_blocks.qpos, atol=1e-5)
+
+
+def test_a_world_has_room_for_fourteen_hundred_contacts():
+    side, count = 19, 350
+    bodies = "".join(
+        free_body(
+            f"b{i}",
+            'type="box" size="0.05 0.05 0.05" mass="1"',
+            (0.15 * (i % side), 0.15 * (i // side), 0.05),
+        )
+        for i in range(count)
+    )
+    worlds = Worlds(model_of(mjcf(bodies)), nconmax=1600)
+    worlds.step(20)
+    assert worlds.d.dashpot.rows.count.numpy()[0] == 4 * count
+    push = worlds.d.qfrc_constraint.numpy()[0].reshape(count, 6)[:, 2]
+    np.testing.assert_allclose(push, 9.81, rtol=0.05)
+    assert not worlds.d.dashpot.overflow.numpy().any()
+
+
 def test_a_gripper_holds_what_is_shaken():
     scene, timestep = gripper(), 0.005
     worlds = worlds_of(scene, timestep, nconmax=24)

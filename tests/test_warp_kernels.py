@@ -1,12 +1,14 @@
 """What the micro-steps' kernel takes of a GPU, read off its machine code; no GPU is needed."""
 
 import struct
+from pathlib import Path
 
 import pytest
 
 from warp_worlds import wp
 
-from dashpot.warp.microsteps import REGISTERS, microstep_kernel  # isort: skip
+from dashpot.warp.microsteps import REGISTERS, run_microsteps  # isort: skip
+from dashpot.warp.sweeps import sweep_kernel  # isort: skip
 
 REGISTER_COUNT, FRAME_SIZE = 0x2F, 0x11  # attributes in .nv.info, each with a symbol and a number
 PAIR = 4  # their format
@@ -35,16 +37,33 @@ def attributes(cubin: bytes) -> dict[int, list[int]]:
     return found
 
 
-@pytest.mark.parametrize("arch", [80, 90, 120])
-def test_the_kernel_fits_its_registers_without_a_stack(arch, tmp_path):
-    module = microstep_kernel(3).module
-    try:
-        paths = wp.compile_aot_module(module, arch=arch, module_dir=tmp_path, use_ptx=False)
-    except Exception as error:
-        if "NVRTC" in str(error) or "CUDA" in str(error):
-            pytest.skip(f"Warp cannot compile for CUDA here: {error}")
-        raise
-    (cubin,) = [path for path in paths if path.suffix == ".cubin"]
-    found = attributes(cubin.read_bytes())
+def machine_code(module, arch) -> bytes:
+    """Compile a module, or take what an earlier run compiled of the same source."""
+    name = f"{module.name}-{module.hash_module().hex()[:12]}-sm{arch}"
+    directory = Path(wp.config.kernel_cache_dir) / "registers" / name
+    if not any(directory.glob("*.cubin")):
+        directory.mkdir(parents=True, exist_ok=True)
+        try:
+            wp.compile_aot_module(module, arch=arch, module_dir=directory, use_ptx=False)
+        except Exception as error:
+            if "NVRTC" in str(error) or "CUDA" in str(error):
+                pytest.skip(f"Warp cannot compile for CUDA here: {error}")
+            raise
+    (path,) = directory.glob("*.cubin")
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("kernel", "arch"),
+    [
+        (run_microsteps, 80),
+        (run_microsteps, 90),
+        (run_microsteps, 120),
+        (sweep_kernel(3), 90),
+        (sweep_kernel(6), 90),
+    ],
+)
+def test_a_kernel_fits_its_registers_without_a_stack(kernel, arch):
+    found = attributes(machine_code(kernel.module, arch))
     assert max(found[REGISTER_COUNT]) <= REGISTERS
     assert max(found[FRAME_SIZE]) == 0

@@ -33,11 +33,14 @@ def engine_of(model, start=None):
     return engine, data
 
 
-def test_a_double_pendulum_converges_as_the_square_of_the_step():
-    """Drift, kick, drift, with Coriolis forces at the velocity of the middle."""
+@pytest.mark.parametrize("option", ["", 'integrator="implicit"'])
+def test_a_double_pendulum_converges_as_the_square_of_the_step(option):
+    """Drift, kick, drift, with Coriolis forces at the velocity of the middle, and dampers."""
+    xml = DOUBLE.format(rest="").replace("<option", f"<option {option}")
+    xml = xml.replace('type="hinge"', 'type="hinge" damping="0.05"')
     ends = []
     for timestep in (0.0005, 0.002, 0.004):
-        worlds = Worlds(model_of(DOUBLE.format(rest=""), timestep), nconmax=4)
+        worlds = Worlds(model_of(xml, timestep), nconmax=4)
         worlds.step(round(1 / timestep))
         ends.append(worlds.positions())
     fine, coarse = (np.abs(end - ends[0]).max() for end in ends[1:])

@@ -8,11 +8,15 @@ length dt::
     v_p = u_n +- mu_i u_i,    u = J (v + dt a_smooth),    m = imp / ((1 - imp) w_0)
 
 Limits are facets, equalities push both ways, dry friction stops its row within the step up to its
-limit. Nothing is remembered. m is MuJoCo's ``efc_D`` of the normal row.
+limit. Nothing is remembered. m is MuJoCo's ``efc_D`` of the normal row; of an equality of several
+rows, where MuJoCo takes imp at the norm of their errors, that of each row's own error.
 """
 
 import warp as wp
 
+from dashpot.warp.inertia import solve_in_place
+from dashpot.warp.material import impedance
+from dashpot.warp.rows import efc_row
 from dashpot.warp.state import BILATERAL, SLIDER, UNILATERAL, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
@@ -20,10 +24,11 @@ wp.set_module_options({"enable_backward": False})
 MINIMUM = 1.0e-15  # MuJoCo's mjMINVAL
 OF_COUPLING = 0.55
 
+vec5 = wp.types.vector(5, wp.float32)
+
 
 @wp.kernel
 def add_magnitudes(
-    dims: int,
     tree_dofadr: wp.array(dtype=wp.int32),
     tree_dofnum: wp.array(dtype=wp.int32),
     tree_factor: wp.array(dtype=wp.int32),
@@ -37,24 +42,18 @@ def add_magnitudes(
     at = tree_factor[tree]
     for i in range(n):
         total = float(0.0)
-        for g in range(rows.count[world]):
+        for m in range(work.first[world, tree], work.first[world, tree + 1]):
+            g = rows.members[world, m] / rows.sides
+            side = rows.members[world, m] % rows.sides
             if rows.kind[world, g] > int(UNILATERAL):
-                total += wp.abs(rows.J[world, g * dims, first + i])
+                total += wp.abs(rows.J[world, side * rows.width + i, g])
         work.end[world, first + i] = total
         work.displacement[world, first + i] = 0.0
     for column in range(n):
         # A column of inv(H), in place of H's row of the factor's structure.
         for i in range(n):
-            value = wp.where(i == column, 1.0, 0.0)
-            for other in range(i):
-                value -= work.L[world, at + i * n + other] * work.force[world, first + other]
-            work.force[world, first + i] = value / work.L[world, at + i * n + i]
-        for r in range(n):
-            i = n - 1 - r
-            value = work.force[world, first + i]
-            for other in range(i + 1, n):
-                value -= work.L[world, at + other * n + i] * work.force[world, first + other]
-            work.force[world, first + i] = value / work.L[world, at + i * n + i]
+            work.force[world, first + i] = wp.where(i == column, 1.0, 0.0)
+        solve_in_place(at, first, n, work.L[world], work.force[world])
         for i in range(n):
             work.displacement[world, first + i] = (
                 work.displacement[world, first + i]
@@ -68,15 +67,47 @@ def spring_damper(k: float, d: float, mass: float, gap: float, rate: float, step
     return mass * (-d * rate - k * (gap + step * rate)) / step
 
 
+@wp.func
+def ratio_of(impedance: float) -> float:
+    """Mass over that of the constraint."""
+    return impedance / (1.0 - impedance)
+
+
+@wp.func
+def own_mass(
+    world: int,
+    row: int,
+    mass: float,
+    gap: float,
+    ne: int,
+    efc_id: wp.array2d(dtype=wp.int32),
+    efc_pos: wp.array2d(dtype=wp.float32),
+    eq_solimp: wp.array2d(dtype=vec5),
+) -> float:
+    """Mass at the impedance of a row's own error."""
+    equality = efc_id[world, row]
+    square = float(0.0)
+    for other in range(ne):
+        if efc_id[world, other] == equality:
+            square += efc_pos[world, other] * efc_pos[world, other]
+    solimp = eq_solimp[world % eq_solimp.shape[0], equality]
+    of_all = ratio_of(impedance(solimp, wp.sqrt(square)))
+    return mass * ratio_of(impedance(solimp, gap)) / of_all
+
+
 @wp.kernel
 def push_apart(
-    dims: int,
-    nv: int,
     timestep: wp.array(dtype=wp.float32),
+    tree_dofadr: wp.array(dtype=wp.int32),
+    tree_dofnum: wp.array(dtype=wp.int32),
     stiffness: wp.array(dtype=wp.float32),
     damping: wp.array(dtype=wp.float32),
     contact_address: wp.array2d(dtype=wp.int32),
     efc_D: wp.array2d(dtype=wp.float32),
+    ne: wp.array(dtype=wp.int32),
+    efc_id: wp.array2d(dtype=wp.int32),
+    efc_pos: wp.array2d(dtype=wp.float32),
+    eq_solimp: wp.array2d(dtype=vec5),
     rows: Rows,
     work: Work,
 ):
@@ -91,11 +122,7 @@ def push_apart(
     dim = rows.dim[world, g]
     gap = rows.gap[world, g]
     source = rows.source[world, g]
-    row = int(0)
-    if source >= 0:
-        row = contact_address[source, 0]
-    else:
-        row = -1 - source
+    row = efc_row(source, 0, contact_address)
     mass = efc_D[world, row]
     for i in range(dim):
         rows.total[world, i, g] = 0.0
@@ -103,14 +130,19 @@ def push_apart(
     normal = rows.u[world, 0, g] + T * rows.c[world, 0, g]
     if kind > int(UNILATERAL):
         coupling = float(0.0)
-        for dof in range(nv):
-            coupling += wp.abs(rows.J[world, g * dims, dof]) * work.displacement[world, dof]
+        for side in range(rows.sides):
+            tree = rows.tree[world, side, g]
+            if tree >= 0:
+                for item in range(tree_dofnum[tree]):
+                    value = wp.abs(rows.J[world, side * rows.width + item, g])
+                    coupling += value * work.displacement[world, tree_dofadr[tree] + item]
         force = float(0.0)
         if kind == int(SLIDER):
             inverse = wp.max(wp.max(MINIMUM, rows.w[world, 0, g]), OF_COUPLING * coupling)
             limit = rows.limit[world, g]
             force = wp.clamp(-normal / (T * inverse), -limit, limit)
         if kind == int(BILATERAL):
+            mass = own_mass(world, row, mass, gap, ne[world], efc_id, efc_pos, eq_solimp)
             stable = wp.min(mass, 1.0 / ((d + k * T) * coupling))
             force = spring_damper(k, d, stable, gap, normal, T)
         rows.total[world, 0, g] = T * force

@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 
 from dashpot.warp.material import Pair
 from dashpot.warp.memory import forget
-from dashpot.warp.model import LawModel, Model, _constraint_rows, _dims
+from dashpot.warp.microsteps import DIMS
+from dashpot.warp.model import LawModel, Model, _constraint_rows, _dims, _sides
 from dashpot.warp.state import Memory, Rows, Work
 
 __all__ = ["Data", "LawData", "get_data_into", "make_data", "put_data", "reset_data"]
 
-# Lanes of a block: on a GPU by the registers that the micro-steps' kernel takes of 65,536.
-MOST_GROUPS = 1024
-MOST_ON_GPU = {3: 384, 6: 256}
+# Up to so many groups of at most three rows a world couples them by blocks of A; else by trees.
+MOST_BLOCKS = 64
+# Lanes of a block, at most: with 168 registers each a multiprocessor has room for 384.
+MOST_LANES = 256
 
 
 class LawData:
@@ -38,24 +40,27 @@ class LawData:
 
     def __init__(self, mjm: mujoco.MjModel, d: Any, nconmax: int) -> None:
         dims, nworld = _dims(mjm), d.nworld
-        groups = max(1, nconmax + _constraint_rows(mjm))
-        most = MOST_GROUPS if wp.get_device().is_cpu else MOST_ON_GPU[dims]
-        if groups > most:
-            raise NotImplementedError(
-                f"dashpot.warp has at most {most} contacts and constraint rows in a world here, "
-                f"got nconmax = {nconmax} and {_constraint_rows(mjm)} rows of constraints"
-            )
-        self.groups, self.block = groups, _block(groups)
+        self.groups = groups = max(1, nconmax + _constraint_rows(mjm))
+        self.by_trees = groups > MOST_BLOCKS or dims > DIMS
+        self.block = _block(groups, self.by_trees)
         self.nconmax = nconmax
         self.device = d.qpos.device
         nv, nq = max(1, mjm.nv), max(1, mjm.nq)
         sizes = mjm.tree_dofnum.astype(np.int64)
+        ntree, width = max(1, mjm.ntree), int(max([1, *sizes]))
+        sides = _sides(mjm)
+        slots = dims * sides * width
+        blocks = 1 if self.by_trees else groups
         special = {
             "count": (nworld,),
             "steps": (nworld,),
-            "J": (nworld, groups * dims, nv),
-            "Y": (nworld, groups * dims, nv),
-            "A": (nworld, groups * dims, dims, groups),
+            "tree": (nworld, sides, groups),
+            "members": (nworld, groups * sides),
+            "J": (nworld, slots, groups),
+            "Y": (nworld, slots, groups),
+            "A": (nworld, blocks * dims, dims, blocks),
+            "own_bound": (nworld, 3, groups),
+            "e": (nworld, 4 * dims, groups),
             "qpos": (nworld, nq),
             "rest": (nworld, nq),
             "qvel": (nworld, nv),
@@ -67,8 +72,12 @@ class LawData:
             "H": (nworld, max(1, mjm.nC)),
             "displacement": (nworld, nv),
             "end": (nworld, nv),
-            "edited": (nworld, max(1, mjm.ntree)),
+            "edited": (nworld, ntree),
+            "first": (nworld, ntree + 1),
+            "tree_force": (nworld, ntree * width),
+            "tree_impulse": (nworld, ntree * width),
             "twist": (nworld, mjm.nbody),
+            "blow": (nworld, mjm.nbody),
             "z": (nworld, 6, dims, groups),
             "bound": (nworld, 3),
             "clipped": (nworld,),
@@ -79,17 +88,25 @@ class LawData:
         def make(struct: Any, *, is_work: bool = False) -> Any:
             instance = struct()
             for name, kind in _fields(struct).items():
+                if kind is int:
+                    continue
                 shape = special.get(name)
                 if shape is None or len(shape) != kind.ndim or (name == "force" and not is_work):
                     shape = (nworld, dims, groups) if kind.ndim == 3 else (nworld, groups)
+                if name == "bound" and not is_work:
+                    shape = (nworld, 3, groups)
                 setattr(instance, name, wp.zeros(shape, dtype=kind.dtype, device=self.device))
             return instance
 
         self.rows = make(Rows)
+        self.rows.dims, self.rows.sides, self.rows.width = dims, sides, width
         self.memory = make(Memory)
         self.work = make(Work, is_work=True)
+        self.geom_speed = wp.zeros((nworld, max(1, mjm.ngeom)), dtype=wp.float32)
         self.geom_margin = wp.zeros((nworld, max(1, mjm.ngeom)), dtype=wp.float32)
         self.pair_margin = wp.zeros((nworld, max(1, mjm.npair)), dtype=wp.float32)
+        self.jnt_margin = wp.zeros((nworld, max(1, mjm.njnt)), dtype=wp.float32)
+        self.tendon_margin = wp.zeros((nworld, max(1, mjm.ntendon)), dtype=wp.float32)
         self.contact_margin = wp.zeros(max(1, d.naconmax), dtype=wp.float32)
         self.middle = wp.zeros((nworld, nq), dtype=wp.float32)
         self.bias = wp.zeros((nworld, nv), dtype=wp.float32)
@@ -103,7 +120,7 @@ class LawData:
 
     @property
     def bound(self) -> wp.array:
-        """(nworld, 3) bounds of the coupling: of stiffness, of damping of normals and friction."""
+        """(nworld, 3) largest bounds: of stiffness, of damping of normals and of friction."""
         return self.work.bound
 
     @property
@@ -167,11 +184,12 @@ def _fields(struct: Any) -> dict[str, Any]:
     return fields
 
 
-def _block(groups: int) -> int:
+def _block(groups: int, by_trees: bool) -> int:
     """Lanes of a block: powers of two on the CPU device, whole warps on a GPU."""
     if wp.get_device().is_cpu:
-        return max(8, 1 << (groups - 1).bit_length())
-    return 32 * ((groups + 31) // 32)
+        # Lanes take turns there: fewer are faster, where they sweep.
+        return 8 if by_trees else max(8, 1 << (groups - 1).bit_length())
+    return int(min(MOST_LANES, 32 * ((groups + 31) // 32)))
 
 
 def _sizes(mjm: mujoco.MjModel, nconmax: int | None, njmax: int | None) -> tuple[int, int]:

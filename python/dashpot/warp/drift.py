@@ -119,6 +119,53 @@ def store_quat(
     stored(q[2], index + 3, qpos, rest)
 
 
+@wp.func
+def position_whole(
+    index: int, qpos: wp.array(dtype=wp.float32), rest: wp.array(dtype=wp.float32)
+) -> wp.vec3d:
+    """Return three positions with their rests."""
+    return wp.vec3d(
+        whole(index, qpos, rest), whole(index + 1, qpos, rest), whole(index + 2, qpos, rest)
+    )
+
+
+@wp.func
+def principal_frame(
+    world: int,
+    body: int,
+    body_ipos: wp.array2d(dtype=wp.vec3),
+    body_iquat: wp.array2d(dtype=wp.quat),
+    body_inertia: wp.array2d(dtype=wp.vec3),
+):
+    """Centre of mass and principal axes in the frame of a body, and moments of inertia."""
+    frame = body_iquat[world % body_iquat.shape[0], body]
+    axes = quat_of(
+        wp.float64(frame[0]), wp.float64(frame[1]), wp.float64(frame[2]), wp.float64(frame[3])
+    )
+    centre = wp.vec3d(body_ipos[world % body_ipos.shape[0], body])
+    return centre, axes, wp.vec3d(body_inertia[world % body_inertia.shape[0], body])
+
+
+@wp.func
+def store_free(
+    p: wp.vec3d,
+    q: wp.quatd,
+    v: wp.vec3d,
+    w: wp.vec3d,
+    qa: int,
+    va: int,
+    qpos: wp.array(dtype=wp.float32),
+    qvel: wp.array(dtype=wp.float32),
+    rest: wp.array(dtype=wp.float32),
+):
+    """Keep the state of a free joint."""
+    for i in range(3):
+        stored(p[i], qa + i, qpos, rest)
+        qvel[va + i] = wp.float32(v[i])
+        qvel[va + 3 + i] = wp.float32(w[i])
+    store_quat(q, qa + 3, qpos, rest)
+
+
 @wp.kernel
 def drift_to_middle(
     timestep: wp.array(dtype=wp.float32),
@@ -155,17 +202,14 @@ def drift_to_middle(
     v = vec_of(va, qvel)
     w = vec_of(va + 3, qvel)
     q = quat_whole(qa + 3, qpos, rest)
-    p = wp.vec3d(whole(qa, qpos, rest), whole(qa + 1, qpos, rest), whole(qa + 2, qpos, rest))
+    p = position_whole(qa, qpos, rest)
     if body_is_free[body] == 0:
         p = p + time * v
         q = turned(q, time * w)
     else:
-        centre = wp.vec3d(body_ipos[world % body_ipos.shape[0], body])
-        frame = body_iquat[world % body_iquat.shape[0], body]
-        principal = quat_of(
-            wp.float64(frame[0]), wp.float64(frame[1]), wp.float64(frame[2]), wp.float64(frame[3])
+        centre, principal, inertia = principal_frame(
+            world, body, body_ipos, body_iquat, body_inertia
         )
-        inertia = wp.vec3d(body_inertia[world % body_inertia.shape[0], body])
         p = p + wp.quat_rotate(q, centre)
         v = v + wp.quat_rotate(q, wp.cross(w, centre))
         q_after, w_after = free_turn(q * principal, wp.quat_rotate_inv(principal, w), inertia, time)
@@ -173,11 +217,7 @@ def drift_to_middle(
         w = wp.quat_rotate(principal, w_after)
         p = p + time * v - wp.quat_rotate(q, centre)
         v = v - wp.quat_rotate(q, wp.cross(w, centre))
-    for i in range(3):
-        stored(p[i], qa + i, qpos, rest)
-        qvel[va + i] = wp.float32(v[i])
-        qvel[va + 3 + i] = wp.float32(w[i])
-    store_quat(q, qa + 3, qpos, rest)
+    store_free(p, q, v, w, qa, va, qpos, qvel, rest)
 
 
 @wp.kernel
@@ -228,7 +268,7 @@ def drift_to_end(
             qvel[va + i] = end[va + i]
         return
     q = quat_whole(qa + 3, middle, rest)
-    p = wp.vec3d(whole(qa, middle, rest), whole(qa + 1, middle, rest), whole(qa + 2, middle, rest))
+    p = position_whole(qa, middle, rest)
     way = vec_of(va, displacement) - half * vec_of(va, start)
     turn = vec_of(va + 3, displacement) - half * vec_of(va + 3, start)
     v = vec_of(va, end)
@@ -237,12 +277,9 @@ def drift_to_end(
         p = p + way
         q = turned(q, turn)
     else:
-        centre = wp.vec3d(body_ipos[world % body_ipos.shape[0], body])
-        frame = body_iquat[world % body_iquat.shape[0], body]
-        principal = quat_of(
-            wp.float64(frame[0]), wp.float64(frame[1]), wp.float64(frame[2]), wp.float64(frame[3])
+        centre, principal, inertia = principal_frame(
+            world, body, body_ipos, body_iquat, body_inertia
         )
-        inertia = wp.vec3d(body_inertia[world % body_inertia.shape[0], body])
         p = p + wp.quat_rotate(q, centre) + way + wp.quat_rotate(q, wp.cross(turn, centre))
         v = v + wp.quat_rotate(q, wp.cross(w, centre))
         at = q * principal
@@ -253,8 +290,4 @@ def drift_to_end(
         w = wp.quat_rotate(principal, w_end)
         p = p - wp.quat_rotate(q, centre)
         v = v - wp.quat_rotate(q, wp.cross(w, centre))
-    for i in range(3):
-        stored(p[i], qa + i, qpos, rest)
-        qvel[va + i] = wp.float32(v[i])
-        qvel[va + 3 + i] = wp.float32(w[i])
-    store_quat(q, qa + 3, qpos, rest)
+    store_free(p, q, v, w, qa, va, qpos, qvel, rest)

@@ -33,10 +33,6 @@ _MISSING: tuple[tuple[str, Callable[[Any], bool]], ...] = (
     ("flexes", lambda m: m.nflex > 0),
     ("signed distance fields", lambda m: bool((m.geom_type == mujoco.mjtGeom.mjGEOM_SDF).any())),
     ("integrator 'RK4'", lambda m: m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4),
-    (
-        "integrator 'implicit' (use 'implicitfast')",
-        lambda m: m.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICIT,
-    ),
     ("integrator 'discrete'", lambda m: m.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE),
     ("the flag 'sleep'", lambda m: bool(m.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP)),
     (
@@ -57,9 +53,12 @@ def refuse(
     model: mujoco.MjModel,
     materials: Mapping[int, Material],
     pair_materials: Mapping[tuple[int, int], Material],
+    law: str,
 ) -> None:
     """Raise NotImplementedError that lists what the model has and this engine has not."""
     names = [name for name, has in _MISSING if has(model)]
+    if law == "comfree" and model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICIT:
+        names.append("integrator 'implicit' with law='comfree' (use 'implicitfast')")
     explicit = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
     for geom, material in materials.items():
         of_geom = f"of the material of geom {model.geom(geom).name or geom!r}"

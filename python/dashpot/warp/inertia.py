@@ -2,7 +2,13 @@
 
 ``H = M + T D`` with what the model's integrator takes implicitly (``D`` of joint dampers, with
 ``implicitfast`` also of actuators, tendons and fluids), as in
-``cpp/include/dashpot/rows/trees.hpp``.
+``cpp/include/dashpot/rows/trees.hpp``. That is of first order in T. What drifts, is kicked and
+drifts takes a share of it,
+
+    H_ij = M_ij + T D_ij sqrt(theta_i theta_j),   theta_i = 1 / (1 - exp(-z_i)) - 1 / z_i ,
+
+with ``z_i = T D_ii / M_ii``. A damper alone then has its exponential decay at any step, dampers
+that a step resolves are of second order (theta near 1/2), and none overshoots (theta <= 1).
 """
 
 import warp as wp
@@ -91,29 +97,49 @@ def advance_velocity(
     out[world, dof] = qvel[world, dof] + time * qacc[world, dof]
 
 
+@wp.func
+def damped_share(damping: float, mass: float) -> float:
+    """Theta of a dof with T D and M, 1/2 to 1."""
+    z = damping / wp.max(mass, 1.0e-12)
+    if z < 0.1:
+        return 0.5 + wp.max(z, 0.0) / 12.0
+    return 1.0 / (1.0 - wp.exp(-z)) - 1.0 / z
+
+
 @wp.kernel
-def factor_and_solve(
+def factor(
+    fitted: bool,
     tree_dofadr: wp.array(dtype=wp.int32),
     tree_dofnum: wp.array(dtype=wp.int32),
     tree_factor: wp.array(dtype=wp.int32),
     M_rownnz: wp.array(dtype=wp.int32),
     M_rowadr: wp.array(dtype=wp.int32),
     M_colind: wp.array(dtype=wp.int32),
+    M: wp.array2d(dtype=wp.float32),
     work: Work,
 ):
-    """L of a tree, and its smooth acceleration; thread per tree."""
+    """L of a tree, with shares of dampers where `fitted`; thread per tree."""
     world, tree = wp.tid()
     first = tree_dofadr[tree]
     n = tree_dofnum[tree]
     at = tree_factor[tree]
     L = work.L[world]
-    a = work.a[world]
+    share = work.a[world]
+    for i in range(n):
+        last = M_rowadr[first + i] + M_rownnz[first + i] - 1
+        share[first + i] = 1.0
+        if fitted:
+            mass = M[world, last]
+            share[first + i] = wp.sqrt(damped_share(work.H[world, last] - mass, mass))
     for i in range(n):
         for j in range(i + 1):
             L[at + i * n + j] = 0.0
         row = M_rowadr[first + i]
-        for j in range(M_rownnz[first + i]):
-            L[at + i * n + M_colind[row + j] - first] = work.H[world, row + j]
+        for item in range(M_rownnz[first + i]):
+            j = M_colind[row + item] - first
+            mass = M[world, row + item]
+            damping = work.H[world, row + item] - mass
+            L[at + i * n + j] = mass + damping * share[first + i] * share[first + j]
     for i in range(n):
         for j in range(i + 1):
             s = L[at + i * n + j]
@@ -123,22 +149,45 @@ def factor_and_solve(
                 L[at + i * n + i] = wp.sqrt(wp.max(s, 1.0e-12))
             else:
                 L[at + i * n + j] = s / L[at + j * n + j]
+
+
+@wp.func
+def solve_in_place(
+    at: int, first: int, n: int, L: wp.array(dtype=wp.float32), x: wp.array(dtype=wp.float32)
+):
+    """Solve H x = what x holds, of one tree."""
     for i in range(n):
-        s = work.force[world, first + i]
+        s = x[first + i]
         for other in range(i):
-            s -= L[at + i * n + other] * a[first + other]
-        a[first + i] = s / L[at + i * n + i]
+            s -= L[at + i * n + other] * x[first + other]
+        x[first + i] = s / L[at + i * n + i]
     for r in range(n):
         i = n - 1 - r
-        s = a[first + i]
+        s = x[first + i]
         for other in range(i + 1, n):
-            s -= L[at + other * n + i] * a[first + other]
-        a[first + i] = s / L[at + i * n + i]
+            s -= L[at + other * n + i] * x[first + other]
+        x[first + i] = s / L[at + i * n + i]
+
+
+@wp.kernel
+def solve_smooth(
+    tree_dofadr: wp.array(dtype=wp.int32),
+    tree_dofnum: wp.array(dtype=wp.int32),
+    tree_factor: wp.array(dtype=wp.int32),
+    work: Work,
+):
+    """Smooth acceleration of a tree; thread per tree."""
+    world, tree = wp.tid()
+    first = tree_dofadr[tree]
+    n = tree_dofnum[tree]
+    at = tree_factor[tree]
+    for i in range(n):
+        work.a[world, first + i] = work.force[world, first + i]
+    solve_in_place(at, first, n, work.L[world], work.a[world])
 
 
 @wp.kernel
 def respond(
-    dims: int,
     timestep: wp.array(dtype=wp.float32),
     tree_dofadr: wp.array(dtype=wp.int32),
     tree_dofnum: wp.array(dtype=wp.int32),
@@ -157,7 +206,6 @@ def respond(
     n = tree_dofnum[tree]
     at = tree_factor[tree]
     T = wp.float64(timestep[world % timestep.shape[0]])
-    count = rows.count[world]
     # From the last dof on: those below are not needed any more when they are overwritten.
     for r in range(n):
         i = n - 1 - r
@@ -165,12 +213,15 @@ def respond(
         p = wp.float64(0.0)
         m = wp.float64(0.0)
         push = float(0.0)
-        for g in range(count):
+        for member in range(work.first[world, tree], work.first[world, tree + 1]):
+            g = rows.members[world, member] / rows.sides
+            side = rows.members[world, member] % rows.sides
             for j in range(rows.dim[world, g]):
-                y = wp.float64(rows.Y[world, g * dims + j, dof])
+                slot = (j * rows.sides + side) * rows.width + i
+                y = wp.float64(rows.Y[world, slot, g])
                 p += y * wp.float64(rows.total[world, j, g])
                 m += y * wp.float64(rows.moment[world, j, g])
-                push += rows.J[world, g * dims + j, dof] * rows.total[world, j, g]
+                push += rows.J[world, slot, g] * rows.total[world, j, g]
         for other in range(i + 1, n):
             factor = wp.float64(work.L[world, at + other * n + i])
             p -= factor * wp.float64(work.end[world, first + other])

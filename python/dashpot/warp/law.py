@@ -12,6 +12,7 @@ With f0 = -k g0 - d u0 its impulse, the moment of that, and its state after a ti
     p = f0 E1 - (k u0 + d b) E2 - k b E3        u = u0 + b t + w p
     r = f0 E2 - (k u0 + d b) E3 - k b E4        g = g0 + u0 t + b t^2/2 + w r
 
+    y'' + w d y' + w k y = t^(n-2)/(n-2)!,    y = E_n,   E_1 = E_2',   E_0 = E_1'
     E_n = t^n sum_j h_j / (n + j)!,   h_j = -(w d t) h_(j-1) - (w k t^2) h_(j-2),   h_0 = 1
 
 The series alone is used: rows have ``w k t^2 <= 4`` and ``w d t <= 4``, where fourteen terms leave

@@ -19,6 +19,7 @@ FROM_MODEL = 0
 RATIO = 1
 DAMPING = 2
 RESTITUTION = 3
+ROUNDS = 16  # of a bisection
 
 vec5 = wp.types.vector(5, wp.float32)
 vec7 = wp.types.vector(7, wp.float32)
@@ -198,7 +199,8 @@ def spring_of(solref: wp.vec2, solimp: vec5, load: float) -> wp.vec2:
         # d^2 k x = (1 - d) load, by bisection over the width.
         low = float(0.0)
         high = solimp[2]
-        for _ in range(16):
+        rounds = int(ROUNDS)
+        for _ in range(rounds):  # no constant: the loop is not to be unrolled
             x = 0.5 * (low + high)
             d = impedance(solimp, x)
             if d * d * k * x < (1.0 - d) * load:
@@ -210,45 +212,44 @@ def spring_of(solref: wp.vec2, solimp: vec5, load: float) -> wp.vec2:
 
 
 @wp.func
-def rates_of(
-    own: wp.array(dtype=wp.int32),
-    solref: wp.array2d(dtype=wp.vec2),
-    solimp: wp.array2d(dtype=vec5),
-    world: int,
-    index: int,
-    load: float,
-) -> wp.vec2:
-    """Those of a constraint, 0 where the model sets none."""
-    if own[index] == 0:
-        return wp.vec2(0.0, 0.0)
-    return spring_of(
-        solref[world % solref.shape[0], index], solimp[world % solimp.shape[0], index], load
-    )
-
-
-@wp.func
 def solref_rates(
     pair: Pair, world: int, key: wp.vec3i, source: int, kind: int, load: float
 ) -> wp.vec2:
     """Return kappa and delta by the model's own solref; 0 without one, or beside a material."""
+    own = int(0)
+    solref = wp.vec2(0.0, 0.0)
+    solimp = vec5(0.0)
+    index = key[1]
+    which = key[0] + 100
     if kind == int(CONTACT):
         a = key[0]
         b = key[1]
-        if pair.form[a] != int(FROM_MODEL) or pair.form[b] != int(FROM_MODEL):
-            return wp.vec2(0.0, 0.0)
-        if pair_index(pair, key) >= 0:
-            return wp.vec2(0.0, 0.0)
-        if pair.own_solref[a] == 0 and pair.own_solref[b] == 0:
-            return wp.vec2(0.0, 0.0)
-        return spring_of(pair.contact_solref[source], pair.contact_solimp[source], load)
-    which = key[0] + 100
-    index = key[1]
-    if which == 0:
-        return rates_of(pair.own0, pair.solref0, pair.solimp0, world, index, load)
-    if which == 1:
-        return rates_of(pair.own1, pair.solref1, pair.solimp1, world, index, load)
-    if which == 2:
-        return rates_of(pair.own2, pair.solref2, pair.solimp2, world, index, load)
-    if which == 3:
-        return rates_of(pair.own3, pair.solref3, pair.solimp3, world, index, load)
-    return rates_of(pair.own4, pair.solref4, pair.solimp4, world, index, load)
+        if pair.form[a] == int(FROM_MODEL) and pair.form[b] == int(FROM_MODEL):
+            own = wp.max(pair.own_solref[a], pair.own_solref[b])
+        if own != 0 and pair_index(pair, key) >= 0:
+            own = 0
+        solref = pair.contact_solref[source]
+        solimp = pair.contact_solimp[source]
+    elif which == 0:
+        own = pair.own0[index]
+        solref = pair.solref0[world % pair.solref0.shape[0], index]
+        solimp = pair.solimp0[world % pair.solimp0.shape[0], index]
+    elif which == 1:
+        own = pair.own1[index]
+        solref = pair.solref1[world % pair.solref1.shape[0], index]
+        solimp = pair.solimp1[world % pair.solimp1.shape[0], index]
+    elif which == 2:
+        own = pair.own2[index]
+        solref = pair.solref2[world % pair.solref2.shape[0], index]
+        solimp = pair.solimp2[world % pair.solimp2.shape[0], index]
+    elif which == 3:
+        own = pair.own3[index]
+        solref = pair.solref3[world % pair.solref3.shape[0], index]
+        solimp = pair.solimp3[world % pair.solimp3.shape[0], index]
+    else:
+        own = pair.own4[index]
+        solref = pair.solref4[world % pair.solref4.shape[0], index]
+        solimp = pair.solimp4[world % pair.solimp4.shape[0], index]
+    if own == 0:
+        return wp.vec2(0.0, 0.0)
+    return spring_of(solref, solimp, load)

@@ -8,6 +8,7 @@ nothing cancels, and stiffness may change from step to step.
 
 import warp as wp
 
+from dashpot.warp.rows import rate_of
 from dashpot.warp.state import CONTACT, Memory, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
@@ -57,12 +58,32 @@ def find_edits(
 
 
 @wp.func
-def edit_of(world: int, geom: int, geom_tree: wp.array(dtype=wp.int32), work: Work) -> int:
-    """Return what was changed by hand of the tree of a geom."""
-    tree = geom_tree[geom]
-    if tree < 0:
-        return 0
-    return work.edited[world, tree]
+def edit_of(world: int, key: wp.vec3i, geom_tree: wp.array(dtype=wp.int32), work: Work) -> int:
+    """Return what was changed by hand of the trees of two geoms: 1 velocities, 2 positions."""
+    edit = int(0)
+    for side in range(2):
+        tree = geom_tree[key[side]]
+        if tree >= 0:
+            edit = wp.max(edit, work.edited[world, tree])
+    return edit
+
+
+@wp.func
+def to_geom(
+    world: int,
+    geom: int,
+    point: wp.vec3,
+    geom_xpos: wp.array2d(dtype=wp.vec3),
+    geom_xmat: wp.array2d(dtype=wp.mat33),
+) -> wp.vec3:
+    """Return a point in the frame of a geom (m)."""
+    return wp.transpose(geom_xmat[world, geom]) @ (point - geom_xpos[world, geom])
+
+
+@wp.func
+def axis_of(frame: wp.mat33, i: int) -> wp.vec3:
+    """Return a row of a contact's frame: the normal, or a tangent."""
+    return wp.vec3(frame[i, 0], frame[i, 1], frame[i, 2])
 
 
 @wp.func
@@ -71,6 +92,27 @@ def square_distance(world: int, g: int, old: int, rows: Rows, memory: Memory) ->
     first = rows.local1[world, g] - memory.local1[world, old]
     second = rows.local2[world, g] - memory.local2[world, old]
     return wp.min(wp.dot(first, first), wp.dot(second, second))
+
+
+@wp.func
+def first_of(world: int, key: wp.vec3i, memory: Memory) -> int:
+    """Return where what two geoms remember begins, in the order of keys."""
+    low = int(0)
+    high = int(memory.count[world])
+    while low < high:
+        middle = (low + high) / 2
+        known = memory.key[world, middle]
+        if known[0] < key[0] or (known[0] == key[0] and known[1] < key[1]):
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@wp.func
+def is_same(a: wp.vec3i, b: wp.vec3i) -> bool:
+    """Whether two keys have the same geoms."""
+    return a[0] == b[0] and a[1] == b[1]
 
 
 @wp.kernel
@@ -96,22 +138,18 @@ def find_nearest(
                 rows.match[world, g] = old
         return
     point = contact_pos[rows.source[world, g]]
-    rows.local1[world, g] = wp.transpose(geom_xmat[world, key[0]]) @ (
-        point - geom_xpos[world, key[0]]
-    )
-    rows.local2[world, g] = wp.transpose(geom_xmat[world, key[1]]) @ (
-        point - geom_xpos[world, key[1]]
-    )
-    if edit_of(world, key[0], geom_tree, work) == 2 or edit_of(world, key[1], geom_tree, work) == 2:
+    rows.local1[world, g] = to_geom(world, key[0], point, geom_xpos, geom_xmat)
+    rows.local2[world, g] = to_geom(world, key[1], point, geom_xpos, geom_xmat)
+    if edit_of(world, key, geom_tree, work) == 2:
         return
     best = float(wp.inf)
-    for old in range(memory.count[world]):
-        known = memory.key[world, old]
-        if known[0] == key[0] and known[1] == key[1]:
-            distance = square_distance(world, g, old, rows, memory)
-            if distance < best:
-                best = distance
-                rows.wanted[world, g] = old
+    old = first_of(world, key, memory)
+    while old < memory.count[world] and is_same(memory.key[world, old], key):
+        distance = square_distance(world, g, old, rows, memory)
+        if distance < best:
+            best = distance
+            rows.wanted[world, g] = old
+        old += 1
     rows.distance[world, g] = best
 
 
@@ -125,12 +163,18 @@ def settle_contests(rows: Rows):
     if wanted < 0:
         return
     mine = rows.distance[world, g]
-    for other in range(rows.count[world]):
+    key = rows.key[world, g]
+    # Only those of the same geoms do, which lie beside each other.
+    other = int(g)
+    while other > 0 and is_same(rows.key[world, other - 1], key):
+        other -= 1
+    while other < rows.count[world] and is_same(rows.key[world, other], key):
         if other != g and rows.wanted[world, other] == wanted:
             theirs = rows.distance[world, other]
             if theirs < mine or (theirs == mine and other < g):
                 rows.match[world, g] = int(CONTESTED)
                 return
+        other += 1
     rows.match[world, g] = wanted
 
 
@@ -144,25 +188,26 @@ def choose_again(rows: Rows, memory: Memory):
             key = rows.key[world, g]
             best = float(wp.inf)
             choice = int(NONE)
-            for old in range(memory.count[world]):
-                known = memory.key[world, old]
-                if known[0] == key[0] and known[1] == key[1]:
-                    distance = square_distance(world, g, old, rows, memory)
-                    free = bool(distance < best)
-                    for other in range(count):
-                        if rows.match[world, other] == old:
-                            free = False
-                    if free:
-                        best = distance
-                        choice = old
+            old = first_of(world, key, memory)
+            while old < memory.count[world] and is_same(memory.key[world, old], key):
+                distance = square_distance(world, g, old, rows, memory)
+                free = bool(distance < best)
+                other = int(0)
+                while free and other < count:
+                    free = rows.match[world, other] != old
+                    other += 1
+                if free:
+                    best = distance
+                    choice = old
+                old += 1
             rows.match[world, g] = choice
 
 
 @wp.kernel
 def remember(
-    dims: int,
-    nv: int,
     timestep: wp.array(dtype=wp.float32),
+    tree_dofadr: wp.array(dtype=wp.int32),
+    tree_dofnum: wp.array(dtype=wp.int32),
     geom_xmat: wp.array2d(dtype=wp.mat33),
     contact_pos: wp.array(dtype=wp.vec3),
     contact_frame: wp.array(dtype=wp.mat33),
@@ -183,12 +228,8 @@ def remember(
     rate = wp.vec3(0.0, 0.0, 0.0)
     forces = vec6d()  # k x
     for i in range(dim):
-        way = wp.float64(0.0)
-        u = wp.float64(0.0)
-        for dof in range(nv):
-            value = wp.float64(rows.J[world, g * dims + i, dof])
-            way += value * wp.float64(work.displacement[world, dof])
-            u += value * wp.float64(work.end[world, dof])
+        way = rate_of(world, i, g, tree_dofadr, tree_dofnum, work.displacement, rows)
+        u = rate_of(world, i, g, tree_dofadr, tree_dofnum, work.end, rows)
         drive = wp.float64(rows.drive[world, i, g])
         way += drive * wp.float64(timestep[world % timestep.shape[0]])
         u += drive
@@ -211,15 +252,13 @@ def remember(
     if kind != int(CONTACT):
         return
     frame = contact_frame[rows.source[world, g]]
-    t1 = wp.vec3(frame[1, 0], frame[1, 1], frame[1, 2])
-    t2 = wp.vec3(frame[2, 0], frame[2, 1], frame[2, 2])
-    memory.normal[world, g] = wp.vec3(frame[0, 0], frame[0, 1], frame[0, 2])
+    memory.normal[world, g] = axis_of(frame, 0)
     memory.point[world, g] = contact_pos[rows.source[world, g]]
     memory.rate[world, g] = wp.transpose(frame) @ rate
     # The inverse proper: what does not turn must not lose by rounding of the frame.
     to_local = wp.inverse(wp.mat33d(geom_xmat[world, rows.key[world, g][0]]))
-    along1 = wp.vec3d(t1)
-    along2 = wp.vec3d(t2)
+    along1 = wp.vec3d(axis_of(frame, 1))
+    along2 = wp.vec3d(axis_of(frame, 2))
     slide = wp.vec3d()
     roll = wp.vec3d()
     spin = wp.float64(0.0)

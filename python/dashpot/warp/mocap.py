@@ -6,12 +6,41 @@ not one that jumps. Poses farther away than a body may come in a step are jumps,
 
 import warp as wp
 
+from dashpot.warp.memory import axis_of
 from dashpot.warp.state import CONTACT, Memory, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
 
 FARTHEST = 0.5  # m in a step; what goes farther jumps
 MOST_TURN = 1.0  # rad in a step
+
+
+@wp.func
+def position_of(world: int, body: int, poses: wp.array2d(dtype=wp.float32)) -> wp.vec3:
+    """Return where a kept pose is."""
+    at = 7 * body
+    return wp.vec3(poses[world, at], poses[world, at + 1], poses[world, at + 2])
+
+
+@wp.func
+def quaternion_of(world: int, body: int, poses: wp.array2d(dtype=wp.float32)) -> wp.quat:
+    """Return how a kept pose is turned, in MuJoCo's order, w first."""
+    at = 7 * body + 3
+    return wp.quat(
+        poses[world, at], poses[world, at + 1], poses[world, at + 2], poses[world, at + 3]
+    )
+
+
+@wp.func
+def w_last(q: wp.quat) -> wp.quat:
+    """From MuJoCo's order to Warp's."""
+    return wp.quat(q[1], q[2], q[3], q[0])
+
+
+@wp.func
+def w_first(q: wp.quat) -> wp.quat:
+    """From Warp's order to MuJoCo's."""
+    return wp.quat(q[3], q[0], q[1], q[2])
 
 
 @wp.kernel
@@ -30,17 +59,9 @@ def move_to_middle(
     p = position[world, body]
     q = quaternion[world, body]
     at = 7 * body
-    before = wp.vec3(
-        memory.poses[world, at], memory.poses[world, at + 1], memory.poses[world, at + 2]
-    )
-    # MuJoCo's order of quaternions is w first, Warp's w last.
-    turn0 = wp.quat(
-        memory.poses[world, at + 4],
-        memory.poses[world, at + 5],
-        memory.poses[world, at + 6],
-        memory.poses[world, at + 3],
-    )
-    turn1 = wp.normalize(wp.quat(q[1], q[2], q[3], q[0]))
+    before = position_of(world, body, memory.poses)
+    turn0 = w_last(quaternion_of(world, body, memory.poses))
+    turn1 = wp.normalize(w_last(q))
     for i in range(3):
         told[world, at + i] = p[i]
     for i in range(4):
@@ -62,7 +83,7 @@ def move_to_middle(
     motion[world, body] = wp.spatial_vector(spin, way / T)
     position[world, body] = before + part * way
     middle = wp.normalize(wp.quat_slerp(turn0, change * turn0, part))
-    quaternion[world, body] = wp.quat(middle[3], middle[0], middle[1], middle[2])
+    quaternion[world, body] = w_first(middle)
 
 
 @wp.kernel
@@ -123,8 +144,7 @@ def drive_rows(
         if i > 2:
             along = i - 3
             rate = spin
-        axis = wp.vec3(frame[along, 0], frame[along, 1], frame[along, 2])
-        drive = wp.dot(axis, rate)
+        drive = wp.dot(axis_of(frame, along), rate)
         rows.drive[world, i, g] = drive
         rows.u[world, i, g] = rows.u[world, i, g] + drive
         if i == 0:
@@ -145,7 +165,5 @@ def put_where_told(
     at = 7 * body
     for i in range(7):
         memory.poses[world, at + i] = told[world, at + i]
-    position[world, body] = wp.vec3(told[world, at], told[world, at + 1], told[world, at + 2])
-    quaternion[world, body] = wp.quat(
-        told[world, at + 3], told[world, at + 4], told[world, at + 5], told[world, at + 6]
-    )
+    position[world, body] = position_of(world, body, told)
+    quaternion[world, body] = quaternion_of(world, body, told)

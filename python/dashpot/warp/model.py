@@ -34,7 +34,6 @@ class LawModel:
 
     law: Law
     microsteps: int
-    dims: int
     recovery_speed: wp.array
     comfree_stiffness: wp.array
     comfree_damping: wp.array
@@ -48,6 +47,9 @@ class LawModel:
     factor_size: int
     geom_margin: wp.array
     pair_margin: wp.array
+    jnt_margin: wp.array
+    tendon_margin: wp.array
+    limits: int
     nmocap: int
     body_mocap: wp.array
     mocap_body: wp.array
@@ -131,15 +133,20 @@ def put_model(
     if law not in ("kelvin_voigt", "comfree"):
         raise ValueError(f"law must be 'kelvin_voigt' or 'comfree', got {law!r}")
     given, pairs = _materials(mjm, materials, pair_materials)
-    refuse(mjm, given, pairs)
+    refuse(mjm, given, pairs, law)
     private = copy.copy(mjm)
     private.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    if mjm.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICIT:
+        # What it has beside `implicitfast`, Coriolis forces, are those of the middle of the step.
+        private.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Two boxes have MuJoCo's own manifold: the convex one keeps four points, and may leave out the
+    # deepest where it looks ahead.
+    private.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_NATIVECCD
     m: Model = mujoco_warp.put_model(private, batch_sizes)
     m.__class__ = Model
     m.dashpot = LawModel(
         law=law,
         microsteps=_microsteps(microsteps, mjm.opt.timestep),
-        dims=_dims(mjm),
         recovery_speed=_numbers("recovery_speed", recovery_speed, 0.0),
         comfree_stiffness=_numbers("comfree_stiffness", comfree_stiffness, 0.0),
         comfree_damping=_numbers("comfree_damping", comfree_damping, 0.0),
@@ -197,8 +204,29 @@ def _constraint_rows(mjm: mujoco.MjModel) -> int:
     sizes = {mujoco.mjtEq.mjEQ_CONNECT: 3, mujoco.mjtEq.mjEQ_WELD: 6}
     rows = sum(sizes.get(mujoco.mjtEq(kind), 1) for kind in mjm.eq_type)
     rows += int((mjm.dof_frictionloss > 0).sum() + (mjm.tendon_frictionloss > 0).sum())
-    rows += 2 * int((mjm.jnt_limited > 0).sum() + (mjm.tendon_limited > 0).sum())
-    return rows
+    return int(rows) + _limits(mjm)
+
+
+def _sides(mjm: mujoco.MjModel) -> int:
+    """How many trees a row of contacts, equalities or tendons may join."""
+    most = [2]
+    for tendon in range(mjm.ntendon):
+        trees = set()
+        first = mjm.tendon_adr[tendon]
+        for wrap in range(first, first + mjm.tendon_num[tendon]):
+            kind, index = mjm.wrap_type[wrap], mjm.wrap_objid[wrap]
+            if kind == mujoco.mjtWrap.mjWRAP_JOINT:
+                trees.add(mjm.dof_treeid[mjm.jnt_dofadr[index]])
+            elif kind == mujoco.mjtWrap.mjWRAP_SITE:
+                trees.add(mjm.body_treeid[mjm.site_bodyid[index]])
+            elif kind in (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER):
+                trees.add(mjm.body_treeid[mjm.geom_bodyid[index]])
+        most.append(2 * len(trees - {-1}))  # an equality may tie two tendons
+    return int(max(1, min(mjm.ntree, max(most))))
+
+
+def _limits(mjm: mujoco.MjModel) -> int:
+    return int((mjm.jnt_limited > 0).sum() + (mjm.tendon_limited > 0).sum())
 
 
 def _topology(mjm: mujoco.MjModel, m: Any) -> dict[str, Any]:
@@ -219,6 +247,9 @@ def _topology(mjm: mujoco.MjModel, m: Any) -> dict[str, Any]:
         "factor_size": int((sizes**2).sum()),
         "geom_margin": m.geom_margin,
         "pair_margin": m.pair_margin,
+        "jnt_margin": m.jnt_margin,
+        "tendon_margin": m.tendon_margin,
+        "limits": _limits(mjm),
         "nmocap": int(mjm.nmocap),
         **_mocap(mjm),
         "explicit_pairs": wp.array(pairs.astype(np.int32), dtype=wp.vec2i),

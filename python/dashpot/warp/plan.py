@@ -5,14 +5,15 @@ Rows whose own entry of A is 1 are as stiff as micro-steps of length h resolve, 
 
     kappa h^2 = min(1.5, 1 / (c - 1)),    delta_n h <= 1 / (c_n - 1),    delta_t h <= 1 / (c_t - 1)
 
-with the bounds c of all rows, of normals and of friction, by Perron and Frobenius: with z > 0 no
-eigenvalue of |A| is larger than the largest of ``(|A| z)_i / z_i``. There is one bound per world.
-Stiffness in SI units is lowered only beyond that, and counted.
+with the bounds c of all rows, of normals and of friction (`dashpot.warp.coupling`). Stiffness in SI
+units is lowered only beyond that, and counted.
 """
 
 import warp as wp
 
+from dashpot.warp.coupling import same_bodies
 from dashpot.warp.material import Pair, pair_material, solref_rates
+from dashpot.warp.reach import BLOW, SLOW
 from dashpot.warp.state import CONTACT, SLIDER, UNILATERAL, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
@@ -22,8 +23,7 @@ SERIES = 4.0  # w k h^2 and w d h that the law's series takes
 RIGID_INELASTIC = 3.0  # damping ratio of a rigid contact with restitution 0
 INELASTIC = 50.0  # the same with a stiffness
 BEARABLE = 981.0  # m/s^2, a hundred weights
-BLOW = 40.0  # m/s^2: what changes rates by more within a step is a blow,
-SLOW = 0.02  # m/s, but nothing as slow as this
+PUSHED = 20.0  # m/s^2, by which what is still is pressed on within a step
 REACHED = 3.0  # times the way of the fastest in a step, within which others may be pressed
 
 
@@ -32,6 +32,7 @@ def find_touching(
     timestep: wp.array(dtype=wp.float32),
     geom_bodyid: wp.array(dtype=wp.int32),
     rows: Rows,
+    work: Work,
 ):
     """Which groups may act in the step, and the mean w of the normals of two bodies."""
     world, g = wp.tid()
@@ -43,25 +44,21 @@ def find_touching(
     touch = int(1)
     if kind <= int(UNILATERAL):
         closing = wp.min(0.0, wp.min(u, u + T * rows.c[world, 0, g]))
-        if rows.gap[world, g] + 2.0 * T * closing > 0.0:
+        if rows.gap[world, g] + 2.0 * T * closing > T * (SLOW + T * PUSHED):
             touch = 0
     rows.touch[world, g] = touch
     mean = rows.w[world, 0, g]
-    if kind == int(CONTACT):
-        key = rows.key[world, g]
-        a = geom_bodyid[key[0]]
-        b = geom_bodyid[key[1]]
+    tree = rows.tree[world, 0, g]
+    if kind == int(CONTACT) and tree >= 0:
         total = float(0.0)
         number = float(0.0)
-        for other in range(rows.count[world]):
-            if rows.kind[world, other] == int(CONTACT):
-                theirs = rows.key[world, other]
-                c = geom_bodyid[theirs[0]]
-                d = geom_bodyid[theirs[1]]
-                if (a == c and b == d) or (a == d and b == c):
-                    total += rows.w[world, 0, other]
-                    number += 1.0
-        mean = total / number
+        # Contacts of two bodies join the same trees.
+        for m in range(work.first[world, tree], work.first[world, tree + 1]):
+            other = rows.members[world, m] / rows.sides
+            if same_bodies(world, g, other, geom_bodyid, rows):
+                total += rows.w[world, 0, other]
+                number += 1.0
+        mean = total / wp.max(number, 1.0)
     rows.pair_w[world, g] = mean
 
 
@@ -82,64 +79,6 @@ def admit_reached(timestep: wp.array(dtype=wp.float32), rows: Rows):
 
 
 @wp.func
-def unit_weight(world: int, i: int, g: int, rows: Rows) -> float:
-    """1 / sqrt(w) by which a row of A is weighted, 0 of rows that take no part."""
-    if rows.touch[world, g] == 0 or i >= rows.dim[world, g]:
-        return 0.0
-    if i > 0 and rows.mu[world, i, g] <= 0.0:
-        return 0.0
-    w = wp.where(i == 0, rows.pair_w[world, g], rows.w[world, i, g])
-    if w <= 0.0:
-        return 0.0
-    return 1.0 / wp.sqrt(w)
-
-
-@wp.func
-def is_of(vector: int, i: int, kind: int) -> bool:
-    """Whether a row belongs to the bound of all rows (0), of normals (1), of friction (2)."""
-    slides = i > 0 or kind == int(SLIDER)
-    return vector == 0 or (vector == 1 and not slides) or (vector == 2 and slides)
-
-
-@wp.kernel
-def bound_round(dims: int, before: int, rows: Rows, work: Work):
-    """One product of |A| with three positive vectors; thread per group."""
-    world, g = wp.tid()
-    if g >= rows.count[world]:
-        return
-    for i in range(dims):
-        mine = unit_weight(world, i, g, rows)
-        for vector in range(3):
-            total = float(0.0)
-            if mine > 0.0 and is_of(vector, i, rows.kind[world, g]):
-                for other in range(rows.count[world]):
-                    for j in range(rows.dim[world, other]):
-                        if is_of(vector, j, rows.kind[world, other]):
-                            z = float(1.0)
-                            if before >= 0:
-                                z = work.z[world, 3 * before + vector, j, other]
-                            weight = unit_weight(world, j, other, rows)
-                            total += wp.abs(rows.A[world, other * dims + j, i, g]) * weight * z
-            after = 0
-            if before == 0:
-                after = 1
-            work.z[world, 3 * after + vector, i, g] = mine * total
-
-
-@wp.kernel
-def bound_end(dims: int, before: int, rows: Rows, work: Work):
-    """Find the largest quotients; thread per (world, vector)."""
-    world, vector = wp.tid()
-    c = float(0.0)
-    for g in range(rows.count[world]):
-        for i in range(rows.dim[world, g]):
-            below = work.z[world, 3 * before + vector, i, g]
-            if below > 0.0:
-                c = wp.max(c, work.z[world, 3 * (1 - before) + vector, i, g] / below)
-    work.bound[world, vector] = c
-
-
-@wp.func
 def inverse_of_coupling(bound: float) -> float:
     """1 / (c - 1), infinite without coupling."""
     if bound <= 1.0 + 1.0e-5:
@@ -149,7 +88,6 @@ def inverse_of_coupling(bound: float) -> float:
 
 @wp.kernel
 def fill_rows(
-    dims: int,
     microsteps: int,
     timestep: wp.array(dtype=wp.float32),
     geom_rbound: wp.array2d(dtype=wp.float32),
@@ -162,9 +100,9 @@ def fill_rows(
     if g >= rows.count[world]:
         return
     h = timestep[world % timestep.shape[0]] / float(microsteps)
-    most_n = inverse_of_coupling(work.bound[world, 1]) / h
-    most_t = inverse_of_coupling(work.bound[world, 2]) / h
-    resolved = wp.min(STIFFEST_ALONE, inverse_of_coupling(work.bound[world, 0])) / (h * h)
+    most_n = inverse_of_coupling(rows.bound[world, 1, g]) / h
+    most_t = inverse_of_coupling(rows.bound[world, 2, g]) / h
+    resolved = wp.min(STIFFEST_ALONE, inverse_of_coupling(rows.bound[world, 0, g])) / (h * h)
     kind = rows.kind[world, g]
     dim = rows.dim[world, g]
     w = rows.pair_w[world, g]
@@ -261,7 +199,7 @@ def fill_rows(
             d = wp.min(d, SERIES / (wi * h))
         rows.k[world, i, g] = k
         rows.d[world, i, g] = d
-    for i in range(dim, dims):
+    for i in range(dim, rows.dims):
         rows.k[world, i, g] = 0.0
         rows.d[world, i, g] = 0.0
         rows.mu[world, i, g] = 0.0

@@ -1,4 +1,4 @@
-"""How far geoms may come in a step, by which collision looks for contacts ahead."""
+"""How far geoms, joints and tendons may come in a step, by which rows are looked for ahead."""
 
 import warp as wp
 
@@ -7,7 +7,10 @@ from dashpot.warp.state import Work
 wp.set_module_options({"enable_backward": False})
 
 FASTER = 1.5  # than at the start, by what happens within the step
-LEAST = 1.0e-5  # m
+LEAST = 1.0e-5  # m or rad
+BLOW = 40.0  # m/s^2: what changes rates by more within a step is a blow,
+SLOW = 0.02  # m/s, but nothing as slow as this
+LIMIT_OF_JOINT = 3  # MuJoCo's type of row
 
 
 @wp.kernel
@@ -26,29 +29,58 @@ def find_twists(
     work.twist[world, body] = wp.spatial_vector(spin, linear)
 
 
-@wp.func
-def reach_of(
-    world: int,
-    geom: int,
-    T: float,
-    gravity: wp.vec3,
+@wp.kernel
+def find_speeds(
     geom_bodyid: wp.array(dtype=wp.int32),
     geom_rbound: wp.array2d(dtype=wp.float32),
     geom_xpos: wp.array2d(dtype=wp.vec3),
     xpos: wp.array2d(dtype=wp.vec3),
     work: Work,
-) -> float:
-    """How far a geom may come in half a step."""
+    speed: wp.array2d(dtype=wp.float32),
+):
+    """How fast some point of a geom may be (m/s); thread per geom."""
+    world, geom = wp.tid()
     body = geom_bodyid[geom]
-    if body == 0:
-        return 0.0
     motion = work.twist[world, body]
     spin = wp.spatial_top(motion)
     arm = geom_xpos[world, geom] - xpos[world, body]
     linear = wp.spatial_bottom(motion) + wp.cross(spin, arm)
     radius = geom_rbound[world % geom_rbound.shape[0], geom]
-    speed = wp.length(linear) + wp.length(spin) * radius
-    return 0.5 * FASTER * T * (speed + T * wp.length(gravity)) + LEAST
+    speed[world, geom] = wp.where(body == 0, 0.0, wp.length(linear) + wp.length(spin) * radius)
+    if geom == 0:
+        for i in range(work.blow.shape[1]):
+            work.blow[world, i] = 0.0
+
+
+@wp.kernel
+def find_blows(
+    timestep: wp.array(dtype=wp.float32),
+    geom_bodyid: wp.array(dtype=wp.int32),
+    geom_rbound: wp.array2d(dtype=wp.float32),
+    geom_xpos: wp.array2d(dtype=wp.vec3),
+    speed: wp.array2d(dtype=wp.float32),
+    work: Work,
+):
+    """How fast what may hit a body in the step is; thread per geom."""
+    world, geom = wp.tid()
+    body = geom_bodyid[geom]
+    if body == 0:
+        return
+    T = timestep[world % timestep.shape[0]]
+    mine = speed[world, geom]
+    fastest = wp.max(mine, T * BLOW + SLOW)
+    radius = geom_rbound[world % geom_rbound.shape[0], geom]
+    centre = geom_xpos[world, geom]
+    found = float(0.0)
+    for other in range(speed.shape[1]):
+        theirs = speed[world, other]
+        if theirs > fastest and theirs > found and geom_bodyid[other] != body:
+            room = radius + geom_rbound[world % geom_rbound.shape[0], other]
+            room += FASTER * T * (theirs + mine)
+            if wp.length_sq(geom_xpos[world, other] - centre) < room * room:
+                found = theirs
+    if found > 0.0:
+        wp.atomic_max(work.blow, world, body, found)
 
 
 @wp.kernel
@@ -56,27 +88,22 @@ def widen_geoms(
     timestep: wp.array(dtype=wp.float32),
     gravity: wp.array(dtype=wp.vec3),
     geom_bodyid: wp.array(dtype=wp.int32),
-    geom_rbound: wp.array2d(dtype=wp.float32),
-    geom_xpos: wp.array2d(dtype=wp.vec3),
-    xpos: wp.array2d(dtype=wp.vec3),
     own: wp.array2d(dtype=wp.float32),
+    speed: wp.array2d(dtype=wp.float32),
     work: Work,
     out: wp.array2d(dtype=wp.float32),
 ):
     """Margins of geoms in this step."""
     world, geom = wp.tid()
     T = timestep[world % timestep.shape[0]]
-    out[world, geom] = own[world % own.shape[0], geom] + reach_of(
-        world,
-        geom,
-        T,
-        gravity[world % gravity.shape[0]],
-        geom_bodyid,
-        geom_rbound,
-        geom_xpos,
-        xpos,
-        work,
-    )
+    margin = own[world % own.shape[0], geom]
+    body = geom_bodyid[geom]
+    if body > 0:
+        fall = T * wp.length(gravity[world % gravity.shape[0]])
+        way = 0.5 * FASTER * T * (speed[world, geom] + fall)
+        # What is hit early has nearly the whole step to go.
+        margin += wp.max(way, T * work.blow[world, body]) + LEAST
+    out[world, geom] = margin
 
 
 @wp.kernel
@@ -120,3 +147,73 @@ def own_margins(
         if (pair[0] == a and pair[1] == b) or (pair[0] == b and pair[1] == a):
             margin = pair_own[world % pair_own.shape[0], i]
     out[contact] = margin
+
+
+@wp.kernel
+def widen_joints(
+    timestep: wp.array(dtype=wp.float32),
+    jnt_type: wp.array(dtype=wp.int32),
+    jnt_dofadr: wp.array(dtype=wp.int32),
+    own: wp.array2d(dtype=wp.float32),
+    qvel: wp.array2d(dtype=wp.float32),
+    work: Work,
+    out: wp.array2d(dtype=wp.float32),
+):
+    """Margins of the limits of joints in this step."""
+    world, joint = wp.tid()
+    T = timestep[world % timestep.shape[0]]
+    dofs = wp.where(jnt_type[joint] == 1, 3, 1)
+    speed = float(0.0)
+    for i in range(dofs):
+        dof = jnt_dofadr[joint] + i
+        speed += wp.abs(qvel[world, dof]) + T * wp.abs(work.a[world, dof])
+    out[world, joint] = own[world % own.shape[0], joint] + 0.5 * FASTER * T * speed + LEAST
+
+
+@wp.kernel
+def widen_tendons(
+    timestep: wp.array(dtype=wp.float32),
+    ten_J_rownnz: wp.array(dtype=wp.int32),
+    ten_J_rowadr: wp.array(dtype=wp.int32),
+    ten_J_colind: wp.array(dtype=wp.int32),
+    ten_J: wp.array2d(dtype=wp.float32),
+    own: wp.array2d(dtype=wp.float32),
+    qvel: wp.array2d(dtype=wp.float32),
+    work: Work,
+    out: wp.array2d(dtype=wp.float32),
+):
+    """Margins of the limits of tendons in this step."""
+    world, tendon = wp.tid()
+    T = timestep[world % timestep.shape[0]]
+    speed = float(0.0)
+    for i in range(ten_J_rownnz[tendon]):
+        at = ten_J_rowadr[tendon] + i
+        dof = ten_J_colind[at]
+        rate = wp.abs(qvel[world, dof]) + T * wp.abs(work.a[world, dof])
+        speed += wp.abs(ten_J[world, at]) * rate
+    out[world, tendon] = own[world % own.shape[0], tendon] + 0.5 * FASTER * T * speed + LEAST
+
+
+@wp.kernel
+def own_limit_margins(
+    ne: wp.array(dtype=wp.int32),
+    nf: wp.array(dtype=wp.int32),
+    nl: wp.array(dtype=wp.int32),
+    efc_type: wp.array2d(dtype=wp.int32),
+    efc_id: wp.array2d(dtype=wp.int32),
+    joints: wp.array2d(dtype=wp.float32),
+    tendons: wp.array2d(dtype=wp.float32),
+    efc_margin: wp.array2d(dtype=wp.float32),
+):
+    """Margins that the model gives limits; thread per row."""
+    world, i = wp.tid()
+    if i >= nl[world]:
+        return
+    row = ne[world] + nf[world] + i
+    if row >= efc_margin.shape[1]:
+        return
+    limited = efc_id[world, row]
+    if efc_type[world, row] == LIMIT_OF_JOINT:
+        efc_margin[world, row] = joints[world % joints.shape[0], limited]
+    else:
+        efc_margin[world, row] = tendons[world % tendons.shape[0], limited]

@@ -16,7 +16,7 @@ is a load of its own, and the rates at the start are the mean of both.
 
 import warp as wp
 
-from dashpot.warp.memory import edit_of
+from dashpot.warp.memory import axis_of, edit_of
 from dashpot.warp.state import BILATERAL, CONTACT, UNILATERAL, Memory, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
@@ -98,7 +98,7 @@ def recall_friction(
             credit = kept[1]
             # Of the force as it is, for the tangents differ a little in stiffness.
             for i in range(2):
-                tangent = wp.vec3d(wp.vec3(frame[1 + i, 0], frame[1 + i, 1], frame[1 + i, 2]))
+                tangent = wp.vec3d(axis_of(frame, 1 + i))
                 row = first + i
                 if rows.k[world, row, g] > 0.0:
                     along = wp.dot(force, tangent) * wp.float64(kept[0])
@@ -116,7 +116,6 @@ def recall_friction(
 
 @wp.kernel
 def recall(
-    dims: int,
     ahead: float,
     timestep: wp.array(dtype=wp.float32),
     recovery_speed: wp.array(dtype=wp.float32),
@@ -143,7 +142,7 @@ def recall(
     old = rows.match[world, g]
     k = rows.k[world, 0, g]
     w = rows.w[world, 0, g]
-    for i in range(dims):
+    for i in range(rows.dims):
         rows.x[world, i, g] = 0.0
         rows.rest[world, i, g] = 0.0
         rows.turning[world, i, g] = 0.0
@@ -156,9 +155,7 @@ def recall(
         frame = contact_frame[source]
         if old >= 0 and ahead > 0.0:
             # The rates that the same velocities have in the geometry of the last middle.
-            edited = edit_of(world, key[0], geom_tree, work) + edit_of(
-                world, key[1], geom_tree, work
-            )
+            edited = edit_of(world, key, geom_tree, work)
             way = float(0.0)
             for side in range(2):
                 geom = key[side]
@@ -179,7 +176,7 @@ def recall(
                 for i in range(wp.min(3, rows.dim[world, g])):
                     before = along
                     if i > 0:
-                        before = wp.dot(across, wp.vec3(frame[i, 0], frame[i, 1], frame[i, 2]))
+                        before = wp.dot(across, axis_of(frame, i))
                     rows.turning[world, i, g] = (rows.u[world, i, g] - before) / T
                 half = ahead * T
                 turning = rows.turning[world, 0, g]

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from dashpot.warp.rows import efc_row
 from dashpot.warp.state import Rows
 
 wp.set_module_options({"enable_backward": False})
@@ -21,9 +22,5 @@ def report_forces(
     T = timestep[world % timestep.shape[0]]
     source = rows.source[world, g]
     for i in range(rows.dim[world, g]):
-        row = int(0)
-        if source >= 0:
-            row = contact_address[source, i]
-        else:
-            row = -1 - source
+        row = efc_row(source, i, contact_address)
         efc_force[world, row] = rows.total[world, i, g] / T

@@ -116,14 +116,32 @@ def clip_counts(rows: Rows):
     rows.count[world] = wp.min(rows.count[world], rows.raw.shape[1])
 
 
+@wp.func
+def efc_row(source: int, i: int, contact_address: wp.array2d(dtype=wp.int32)) -> int:
+    """MuJoCo's row of row i of a group."""
+    if source >= 0:
+        return contact_address[source, i]
+    return -1 - source
+
+
+@wp.func
+def place(value: float, world: int, i: int, g: int, dof: int, tree: int, first: int, rows: Rows):
+    """Put an entry of J to the side of its tree, which is claimed if it is new."""
+    for side in range(rows.sides):
+        if rows.tree[world, side, g] < 0:
+            rows.tree[world, side, g] = tree
+        if rows.tree[world, side, g] == tree:
+            rows.J[world, (i * rows.sides + side) * rows.width + dof - first, g] = value
+            return
+
+
 @wp.kernel
 def prepare_rows(
-    dims: int,
     nv: int,
-    ntree: int,
     ahead: float,
     is_sparse: bool,
     timestep: wp.array(dtype=wp.float32),
+    dof_tree: wp.array(dtype=wp.int32),
     tree_dofadr: wp.array(dtype=wp.int32),
     tree_dofnum: wp.array(dtype=wp.int32),
     tree_factor: wp.array(dtype=wp.int32),
@@ -172,47 +190,52 @@ def prepare_rows(
     rows.kind[world, g] = kind
     rows.dim[world, g] = dim
     rows.limit[world, g] = limit
+    for side in range(rows.sides):
+        rows.tree[world, side, g] = -1
     for i in range(dim):
-        row = int(0)
-        if source >= 0:
-            row = contact_address[source, i]
-        else:
-            row = -1 - source
-        at = g * dims + i
+        row = efc_row(source, i, contact_address)
+        for slot in range(rows.sides * rows.width):
+            rows.J[world, i * rows.sides * rows.width + slot, g] = 0.0
         if is_sparse:
-            for dof in range(nv):
-                rows.J[world, at, dof] = 0.0
             begin = efc_rowadr[world, row]
             for item in range(efc_rownnz[world, row]):
-                rows.J[world, at, efc_colind[world, 0, begin + item]] = efc_J[
-                    world, 0, begin + item
-                ]
+                dof = efc_colind[world, 0, begin + item]
+                tree = dof_tree[dof]
+                value = efc_J[world, 0, begin + item]
+                if value != 0.0:
+                    place(value, world, i, g, dof, tree, tree_dofadr[tree], rows)
         else:
             for dof in range(nv):
-                rows.J[world, at, dof] = efc_J[world, row, dof]
+                value = efc_J[world, row, dof]
+                if value != 0.0:
+                    tree = dof_tree[dof]
+                    place(value, world, i, g, dof, tree, tree_dofadr[tree], rows)
+    for slot in range(dim * rows.sides * rows.width, rows.dims * rows.sides * rows.width):
+        rows.Y[world, slot, g] = 0.0
+    for i in range(dim):
         u = wp.float64(0.0)
         c = wp.float64(0.0)
         w = wp.float64(0.0)
-        for tree in range(ntree):
-            first = tree_dofadr[tree]
-            n = tree_dofnum[tree]
-            factor = tree_factor[tree]
-            reaches = bool(False)
+        for side in range(rows.sides):
+            at = (i * rows.sides + side) * rows.width
+            tree = rows.tree[world, side, g]
+            n = int(0)
+            if tree >= 0:
+                n = tree_dofnum[tree]
             for item in range(n):
-                value = rows.J[world, at, first + item]
-                if value != 0.0:
-                    reaches = True
-                    u += wp.float64(value) * wp.float64(work.start[world, first + item])
-                    c += wp.float64(value) * wp.float64(work.a[world, first + item])
-            for item in range(n):
-                y = float(0.0)
-                if reaches:
-                    y = rows.J[world, at, first + item]
-                    for m in range(item):
-                        y -= work.L[world, factor + item * n + m] * rows.Y[world, at, first + m]
-                    y /= work.L[world, factor + item * n + item]
-                    w += wp.float64(y) * wp.float64(y)
-                rows.Y[world, at, first + item] = y
+                dof = tree_dofadr[tree] + item
+                value = rows.J[world, at + item, g]
+                u += wp.float64(value) * wp.float64(work.start[world, dof])
+                c += wp.float64(value) * wp.float64(work.a[world, dof])
+                factor = tree_factor[tree] + item * n
+                y = value
+                for m in range(item):
+                    y -= work.L[world, factor + m] * rows.Y[world, at + m, g]
+                y /= work.L[world, factor + item]
+                w += wp.float64(y) * wp.float64(y)
+                rows.Y[world, at + item, g] = y
+            for item in range(n, rows.width):
+                rows.Y[world, at + item, g] = 0.0
         rows.u[world, i, g] = wp.float32(u)
         rows.c[world, i, g] = wp.float32(c)
         rows.w[world, i, g] = wp.float32(w)
@@ -220,16 +243,23 @@ def prepare_rows(
     rows.gap[world, g] = gap - time * rows.u[world, 0, g]
 
 
-@wp.kernel
-def couple(dims: int, nv: int, rows: Rows):
-    """Find A by blocks of two groups; thread per (other, group), neighbours in memory."""
-    world, other, g = wp.tid()
-    count = rows.count[world]
-    if g >= count or other >= count:
-        return
-    for i in range(rows.dim[world, g]):
-        for j in range(rows.dim[world, other]):
-            s = float(0.0)
-            for dof in range(nv):
-                s += rows.Y[world, g * dims + i, dof] * rows.Y[world, other * dims + j, dof]
-            rows.A[world, other * dims + j, i, g] = s
+@wp.func
+def rate_of(
+    world: int,
+    i: int,
+    g: int,
+    tree_dofadr: wp.array(dtype=wp.int32),
+    tree_dofnum: wp.array(dtype=wp.int32),
+    values: wp.array2d(dtype=wp.float32),
+    rows: Rows,
+) -> wp.float64:
+    """J times what dofs have, of one row."""
+    total = wp.float64(0.0)
+    for side in range(rows.sides):
+        tree = rows.tree[world, side, g]
+        if tree >= 0:
+            at = (i * rows.sides + side) * rows.width
+            for item in range(tree_dofnum[tree]):
+                value = wp.float64(values[world, tree_dofadr[tree] + item])
+                total += wp.float64(rows.J[world, at + item, g]) * value
+    return total

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import warp as wp
 
-from dashpot.warp import inertia, memory, mocap, plan, recall, rows
+from dashpot.warp import coupling, group, inertia, memory, microsteps, mocap, plan, recall, rows
 from dashpot.warp.data import Data
-from dashpot.warp.microsteps import microstep_kernel
 from dashpot.warp.model import Model
 from dashpot.warp.report import report_forces
+from dashpot.warp.sweeps import sweep_kernel
 
 ROUNDS = 4  # of the coupling bound
 
@@ -47,10 +48,16 @@ def find_edits(m: Model, d: Data) -> None:
     )
 
 
+def trees_of(m: Model) -> list[Any]:
+    """Return which dofs trees have."""
+    return [m.tree_dofadr, m.tree_dofnum]
+
+
 def find_rows(m: Model, d: Data, ahead: float) -> None:
-    """Collect and sort groups, with Jacobians, rates and gaps."""
+    """Collect and sort groups, with Jacobians, rates, gaps and the trees that they join."""
     law, own = d.dashpot, m.dashpot
     state, work = law.rows, law.work
+    groups, trees = (d.nworld, law.groups), (d.nworld, m.ntree)
     state.count.zero_()
     efc, contact = d.efc, d.contact
     wp.launch(
@@ -65,68 +72,69 @@ def find_rows(m: Model, d: Data, ahead: float) -> None:
     )
     wp.launch(
         rows.sort_groups,
-        dim=(d.nworld, law.groups),
+        dim=groups,
         inputs=[contact.geom, contact.geomcollisionid, efc.type, efc.id, state],
     )
     wp.launch(rows.clip_counts, dim=d.nworld, inputs=[state])
+    of_contacts = [contact.dist, law.contact_margin, contact.dim, contact.friction]
+    of_rows = [efc.type, efc.pos, efc.margin, efc.frictionloss]
+    jacobian = [efc.J, efc.J_rownnz, efc.J_rowadr, efc.J_colind]
     wp.launch(
         rows.prepare_rows,
-        dim=(d.nworld, law.groups),
+        dim=groups,
         inputs=[
-            own.dims,
             m.nv,
-            m.ntree,
             ahead,
             m.is_sparse,
             m.opt.timestep,
-            m.tree_dofadr,
-            m.tree_dofnum,
+            own.dof_tree,
+            *trees_of(m),
             own.tree_factor,
-            contact.dist,
-            law.contact_margin,
-            contact.dim,
-            contact.friction,
+            *of_contacts,
             contact.efc_address,
-            efc.type,
-            efc.pos,
-            efc.margin,
-            efc.frictionloss,
-            efc.J,
-            efc.J_rownnz,
-            efc.J_rowadr,
-            efc.J_colind,
+            *of_rows,
+            *jacobian,
             state,
             work,
         ],
     )
+    wp.launch(coupling.count_members, dim=trees, inputs=[state, work])
+    wp.launch(coupling.add_counts, dim=d.nworld, inputs=[m.ntree, work])
+    wp.launch(coupling.list_members, dim=trees, inputs=[state, work])
     if own.nmocap:
+        bodies = [m.geom_bodyid, own.body_mocap, d.xpos, contact.pos, contact.frame]
         wp.launch(
             mocap.drive_rows,
-            dim=(d.nworld, law.groups),
-            inputs=[
-                ahead,
-                m.opt.timestep,
-                m.geom_bodyid,
-                own.body_mocap,
-                d.xpos,
-                contact.pos,
-                contact.frame,
-                state,
-                work,
-            ],
+            dim=groups,
+            inputs=[ahead, m.opt.timestep, *bodies, state, work],
         )
 
 
-def couple(m: Model, d: Data) -> None:
-    """Find A of contact-space blocks."""
-    law, own = d.dashpot, m.dashpot
-    wp.launch(
-        rows.couple, dim=(d.nworld, law.groups, law.groups), inputs=[own.dims, m.nv, law.rows]
-    )
+def bound_coupling(m: Model, d: Data) -> None:
+    """Find A where it is needed, which groups act, and the bound of their coupling."""
+    law = d.dashpot
+    state, work = law.rows, law.work
+    groups = (d.nworld, law.groups)
+    if not law.by_trees:
+        wp.launch(coupling.couple, dim=(*groups, law.groups), inputs=[state])
+    inputs = [m.opt.timestep, m.geom_bodyid, state, work]
+    wp.launch(plan.find_touching, dim=groups, inputs=inputs)
+    wp.launch(plan.admit_reached, dim=d.nworld, inputs=[m.opt.timestep, state])
+    before = -1
+    for _ in range(ROUNDS):
+        wp.launch(
+            coupling.bound_round,
+            dim=(d.nworld, state.dims, law.groups),
+            inputs=[law.by_trees, before, state, work],
+        )
+        before = 1 if before == 0 else 0
+    every = (d.nworld, 3, law.groups)
+    wp.launch(coupling.bound_groups, dim=every, inputs=[1 - before, state, work])
+    wp.launch(coupling.share_bounds, dim=every, inputs=[m.geom_bodyid, state, work])
 
 
 def plan_and_recall(m: Model, d: Data, ahead: float) -> None:
-    """Match groups with memory, bound their coupling, fill rows, recall springs."""
+    """Match groups with memory, fill rows, recall springs."""
     law, own = d.dashpot, m.dashpot
     state, remembered, work = law.rows, law.memory, law.work
     groups = (d.nworld, law.groups)
@@ -134,40 +142,20 @@ def plan_and_recall(m: Model, d: Data, ahead: float) -> None:
     wp.launch(memory.find_nearest, dim=groups, inputs=near)
     wp.launch(memory.settle_contests, dim=groups, inputs=[state])
     wp.launch(memory.choose_again, dim=d.nworld, inputs=[state, remembered])
-    wp.launch(plan.find_touching, dim=groups, inputs=[m.opt.timestep, m.geom_bodyid, state])
-    wp.launch(plan.admit_reached, dim=d.nworld, inputs=[m.opt.timestep, state])
-    before = -1
-    for _ in range(ROUNDS):
-        wp.launch(plan.bound_round, dim=groups, inputs=[own.dims, before, state, work])
-        before = 1 if before == 0 else 0
-    wp.launch(plan.bound_end, dim=(d.nworld, 3), inputs=[own.dims, 1 - before, state, work])
-    pair = law.pair(m, d)
     wp.launch(
         plan.fill_rows,
         dim=groups,
-        inputs=[
-            own.dims,
-            own.microsteps,
-            m.opt.timestep,
-            m.geom_rbound,
-            pair,
-            state,
-            work,
-        ],
+        inputs=[own.microsteps, m.opt.timestep, m.geom_rbound, law.pair(m, d), state, work],
     )
+    geoms = [own.geom_tree, m.geom_rbound, m.geom_bodyid, d.geom_xpos, d.geom_xmat]
     wp.launch(
         recall.recall,
         dim=groups,
         inputs=[
-            own.dims,
             ahead,
             m.opt.timestep,
             own.recovery_speed,
-            own.geom_tree,
-            m.geom_rbound,
-            m.geom_bodyid,
-            d.geom_xpos,
-            d.geom_xmat,
+            *geoms,
             work.twist,
             d.xpos,
             d.contact.pos,
@@ -182,13 +170,14 @@ def plan_and_recall(m: Model, d: Data, ahead: float) -> None:
 def run_microsteps(m: Model, d: Data) -> None:
     """Run all micro-steps of all worlds in one launch."""
     law, own = d.dashpot, m.dashpot
+    options = [m.opt.timestep, own.recovery_speed, law.rows]
+    wp.launch(group.begin, dim=(d.nworld, law.groups), inputs=[own.microsteps, *options])
+    kernel, inputs = microsteps.run_microsteps, [own.microsteps, *options]
+    if law.by_trees:
+        kernel = sweep_kernel(law.rows.dims)
+        inputs = [own.microsteps, m.ntree, *options, law.work]
     with _blocks():
-        wp.launch_tiled(
-            microstep_kernel(own.dims),
-            dim=[d.nworld],
-            inputs=[own.microsteps, m.opt.timestep, own.recovery_speed, law.rows],
-            block_dim=law.block,
-        )
+        wp.launch_tiled(kernel, dim=[d.nworld], inputs=inputs, block_dim=law.block)
 
 
 def respond(m: Model, d: Data) -> None:
@@ -197,15 +186,7 @@ def respond(m: Model, d: Data) -> None:
     wp.launch(
         inertia.respond,
         dim=(d.nworld, m.ntree),
-        inputs=[
-            own.dims,
-            m.opt.timestep,
-            m.tree_dofadr,
-            m.tree_dofnum,
-            own.tree_factor,
-            law.rows,
-            law.work,
-        ],
+        inputs=[m.opt.timestep, *trees_of(m), own.tree_factor, law.rows, law.work],
         outputs=[d.qacc, d.qfrc_constraint],
     )
     d.efc.force.zero_()
@@ -219,21 +200,12 @@ def respond(m: Model, d: Data) -> None:
 
 def remember(m: Model, d: Data) -> None:
     """Let springs follow the bodies, and keep them."""
-    law, own = d.dashpot, m.dashpot
+    law = d.dashpot
+    contacts = [d.geom_xmat, d.contact.pos, d.contact.frame]
     wp.launch(
         memory.remember,
         dim=(d.nworld, law.groups),
-        inputs=[
-            own.dims,
-            m.nv,
-            m.opt.timestep,
-            d.geom_xmat,
-            d.contact.pos,
-            d.contact.frame,
-            law.rows,
-            law.memory,
-            law.work,
-        ],
+        inputs=[m.opt.timestep, *trees_of(m), *contacts, law.rows, law.memory, law.work],
     )
 
 

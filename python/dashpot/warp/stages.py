@@ -53,82 +53,137 @@ def leave_mocap_bodies(m: Model, d: Data, memory: object) -> None:
 
 
 def find_geometry(m: Model, d: Data, ahead: float) -> None:
-    """Kinematics, inertia, contacts within reach and their rows."""
+    """Kinematics, inertia and contacts within reach."""
     law, own = d.dashpot, m.dashpot
     mjw.fwd_kinematics(m, d)
     mjw.com_vel(m, d)
     twists = [m.body_rootid, d.xpos, d.subtree_com, d.cvel, law.work]
     wp.launch(reach.find_twists, dim=(d.nworld, m.nbody), inputs=twists)
-    if own.nmocap and own.law != "comfree":
-        inputs = [own.body_mocap, own.mocap_body, d.xpos, law.mocap_motion, law.work]
-        wp.launch(mocap.give_twists, dim=(d.nworld, m.nbody), inputs=inputs)
-    inputs = [
-        m.opt.timestep,
-        m.opt.gravity,
-        m.geom_bodyid,
-        m.geom_rbound,
-        d.geom_xpos,
-        d.xpos,
-        own.geom_margin,
-        law.work,
-    ]
-    wp.launch(reach.widen_geoms, dim=(d.nworld, m.ngeom), inputs=inputs, outputs=[law.geom_margin])
-    npair = own.explicit_pairs.shape[0]
-    wp.launch(
-        reach.widen_pairs,
-        dim=(d.nworld, npair),
-        inputs=[own.explicit_pairs, own.pair_margin, own.geom_margin, law.geom_margin],
-        outputs=[law.pair_margin],
-    )
     mjw.crb(m, d)
     smooth.tendon_armature(m, d)
     mjw.factor_m(m, d)
+    if own.nmocap and own.law != "comfree":
+        inputs = [own.body_mocap, own.mocap_body, d.xpos, law.mocap_motion, law.work]
+        wp.launch(mocap.give_twists, dim=(d.nworld, m.nbody), inputs=inputs)
+    if m.opt.run_collision_detection:
+        _find_contacts(m, d)
+    mjw.transmission(m, d)
+
+
+def _find_contacts(m: Model, d: Data) -> None:
+    """Ask collision with margins of what comes near in the step, and keep the model's own."""
+    law, own = d.dashpot, m.dashpot
+    npair = own.explicit_pairs.shape[0]
     if own.law != "comfree":
+        geoms, every = [m.geom_bodyid, m.geom_rbound, d.geom_xpos], (d.nworld, m.ngeom)
+        speeds = [law.geom_speed, law.work]
+        wp.launch(reach.find_speeds, dim=every, inputs=[*geoms, d.xpos, law.work, law.geom_speed])
+        wp.launch(reach.find_blows, dim=every, inputs=[m.opt.timestep, *geoms, *speeds])
+        wp.launch(
+            reach.widen_geoms,
+            dim=every,
+            inputs=[m.opt.timestep, m.opt.gravity, m.geom_bodyid, own.geom_margin, *speeds],
+            outputs=[law.geom_margin],
+        )
+        wp.launch(
+            reach.widen_pairs,
+            dim=(d.nworld, npair),
+            inputs=[own.explicit_pairs, own.pair_margin, own.geom_margin, law.geom_margin],
+            outputs=[law.pair_margin],
+        )
         m.geom_margin = law.geom_margin
         if npair:
             m.pair_margin = law.pair_margin
-    if m.opt.run_collision_detection:
-        mjw.collision(m, d)
-    mjw.make_constraint(m, d)
+    mjw.collision(m, d)
     m.geom_margin, m.pair_margin = own.geom_margin, own.pair_margin
-    mjw.transmission(m, d)
+    margins = [own.explicit_pairs, own.pair_margin, own.geom_margin]
     wp.launch(
         reach.own_margins,
         dim=d.naconmax,
-        inputs=[
-            d.nacon,
-            own.explicit_pairs,
-            own.pair_margin,
-            own.geom_margin,
-            d.contact.worldid,
-            d.contact.geom,
-        ],
+        inputs=[d.nacon, *margins, d.contact.worldid, d.contact.geom],
         outputs=[law.contact_margin],
     )
+
+
+def find_constraints(m: Model, d: Data) -> None:
+    """MuJoCo Warp's rows, of limits that come near too; sensors of positions and velocities."""
+    law, own = d.dashpot, m.dashpot
+    widened = bool(own.limits) and own.law != "comfree"
+    if widened:
+        wp.launch(
+            reach.widen_joints,
+            dim=(d.nworld, m.njnt),
+            inputs=[
+                m.opt.timestep,
+                m.jnt_type,
+                m.jnt_dofadr,
+                own.jnt_margin,
+                d.qvel,
+                law.work,
+            ],
+            outputs=[law.jnt_margin],
+        )
+        wp.launch(
+            reach.widen_tendons,
+            dim=(d.nworld, m.ntendon),
+            inputs=[
+                m.opt.timestep,
+                m.ten_J_rownnz,
+                m.ten_J_rowadr,
+                m.ten_J_colind,
+                d.ten_J,
+                own.tendon_margin,
+                d.qvel,
+                law.work,
+            ],
+            outputs=[law.tendon_margin],
+        )
+        m.jnt_margin, m.tendon_margin = law.jnt_margin, law.tendon_margin
+    mjw.make_constraint(m, d)
+    m.jnt_margin, m.tendon_margin = own.jnt_margin, own.tendon_margin
+    if widened:
+        wp.launch(
+            reach.own_limit_margins,
+            dim=(d.nworld, own.limits),
+            inputs=[
+                d.ne,
+                d.nf,
+                d.nl,
+                d.efc.type,
+                d.efc.id,
+                own.jnt_margin,
+                own.tendon_margin,
+                d.efc.margin,
+            ],
+        )
+    _sense(m, d)
+
+
+def _sense(m: Model, d: Data) -> None:
+    """Sensors and energies of positions and velocities."""
     d.sensordata.zero_()
     mjw.sensor_pos(m, d)
     _energy_pos(m, d)
+    mjw.sensor_vel(m, d)
+    _energy_vel(m, d)
 
 
 def find_smooth_motion(m: Model, d: Data) -> None:
     """Smooth forces and accelerations, with H = M + T D."""
     work, own = d.dashpot.work, m.dashpot
     mjw.fwd_velocity(m, d)
-    mjw.sensor_vel(m, d)
-    _energy_vel(m, d)
     if not m.opt.disableflags & DisableBit.ACTUATION and m.callback.control:
+        _sense(m, d)
         m.callback.control(m, d)
     mjw.fwd_actuation(m, d)
     mjw.fwd_acceleration(m, d)
     wp.copy(work.start, d.qvel)
     wp.copy(work.force, d.qfrc_smooth)
-    if own.has_joints and own.law != "comfree":
-        _take_bias_of_middle(m, d)
-    dampers = not m.opt.disableflags & DisableBit.DAMPER
+    is_fitted = own.law != "comfree"
     if m.opt.integrator == IntegratorType.IMPLICITFAST:
         derivative.deriv_smooth_vel(m, d, work.H)
     else:
-        implicit = int(dampers and not m.opt.disableflags & DisableBit.EULERDAMP)
+        dampers = not m.opt.disableflags & (DisableBit.DAMPER | DisableBit.EULERDAMP)
         wp.launch(
             inertia.add_dampers,
             dim=(d.nworld, m.nv),
@@ -138,43 +193,37 @@ def find_smooth_motion(m: Model, d: Data) -> None:
                 m.M_rowadr,
                 m.dof_damping,
                 m.dof_dampingpoly,
-                implicit,
+                int(dampers),
                 d.M,
                 d.qvel,
             ],
             outputs=[work.H],
         )
-    has_gravity = int(not m.opt.disableflags & DisableBit.GRAVITY)
-    flown = m.body_freeadr.size if own.law != "comfree" else 0
-    wp.launch(
-        inertia.free_forces,
-        dim=(d.nworld, flown),
-        inputs=[
-            m.opt.gravity,
-            has_gravity,
-            m.body_freeadr,
-            m.body_dofadr,
-            m.body_mass,
-            d.xpos,
-            d.xmat,
-            d.xipos,
-            d.qfrc_bias,
-        ],
-        outputs=[work.force],
-    )
-    wp.launch(
-        inertia.factor_and_solve,
-        dim=(d.nworld, m.ntree),
-        inputs=[
-            m.tree_dofadr,
-            m.tree_dofnum,
-            own.tree_factor,
-            m.M_rownnz,
-            m.M_rowadr,
-            m.M_colind,
-            work,
-        ],
-    )
+    if is_fitted:
+        has_gravity = int(not m.opt.disableflags & DisableBit.GRAVITY)
+        wp.launch(
+            inertia.free_forces,
+            dim=(d.nworld, m.body_freeadr.size),
+            inputs=[
+                m.opt.gravity,
+                has_gravity,
+                m.body_freeadr,
+                m.body_dofadr,
+                m.body_mass,
+                d.xpos,
+                d.xmat,
+                d.xipos,
+                d.qfrc_bias,
+            ],
+            outputs=[work.force],
+        )
+    trees = [m.tree_dofadr, m.tree_dofnum, own.tree_factor]
+    inertias = [m.M_rownnz, m.M_rowadr, m.M_colind, d.M, work]
+    wp.launch(inertia.factor, dim=(d.nworld, m.ntree), inputs=[is_fitted, *trees, *inertias])
+    wp.launch(inertia.solve_smooth, dim=(d.nworld, m.ntree), inputs=[*trees, work])
+    if own.has_joints and is_fitted:
+        _take_bias_of_middle(m, d)
+        wp.launch(inertia.solve_smooth, dim=(d.nworld, m.ntree), inputs=[*trees, work])
 
 
 def _take_bias_of_middle(m: Model, d: Data) -> None:
@@ -184,7 +233,7 @@ def _take_bias_of_middle(m: Model, d: Data) -> None:
     wp.launch(
         inertia.advance_velocity,
         dim=(d.nworld, m.nv),
-        inputs=[m.opt.timestep, HALF, work.start, d.qacc_smooth],
+        inputs=[m.opt.timestep, HALF, work.start, work.a],
         outputs=[d.qvel],
     )
     mjw.com_vel(m, d)

@@ -15,8 +15,15 @@ SLIDER = 3
 
 @wp.struct
 class Rows:
-    """Groups of the step that is being taken, by (world, group) or (world, row, group)."""
+    """Groups of the step that is being taken, by (world, group) or (world, row, group).
 
+    Jacobians are kept by the trees that a group joins: row i, side s and dof j of the tree at
+    ``(i sides + s) width + j``.
+    """
+
+    dims: int  # rows of a group, at most
+    sides: int  # trees of a group, at most
+    width: int  # dofs of a tree, at most
     count: wp.array(dtype=wp.int32)  # groups of a world
     raw: wp.array2d(dtype=wp.int32)  # contact, or -1 - efc row, in the order they were found
     source: wp.array2d(dtype=wp.int32)  # the same, sorted
@@ -36,9 +43,11 @@ class Rows:
     slack: wp.array2d(dtype=wp.float32)  # compression beyond the overlap, m
     credit: wp.array2d(dtype=wp.float32)  # J
     pair_w: wp.array2d(dtype=wp.float32)  # mean inverse mass of the normals of two bodies, 1/kg
+    own_bound: wp.array3d(dtype=wp.float32)  # (world, 3, group): of stiffness, normals, friction
+    bound: wp.array3d(dtype=wp.float32)  # the largest of contacts of the same two bodies
     turning: wp.array3d(dtype=wp.float32)  # dJ/dt v, m/s^2
     drive: wp.array3d(dtype=wp.float32)  # part of u by surfaces of mocap bodies
-    u: wp.array3d(dtype=wp.float32)  # rates at the start, of the geometry of the middle
+    u: wp.array3d(dtype=wp.float32)  # rates, of the geometry of the middle
     c: wp.array3d(dtype=wp.float32)  # J a
     w: wp.array3d(dtype=wp.float32)  # apparent inverse mass
     k: wp.array3d(dtype=wp.float32)
@@ -52,9 +61,17 @@ class Rows:
     moment: wp.array3d(dtype=wp.float32)  # of the impulses about the end of the step, N s^2
     moved: wp.array3d(dtype=wp.float32)  # displacement that springs have followed
     sticks: wp.array2d(dtype=wp.int32)
-    J: wp.array3d(dtype=wp.float32)  # (world, group * DIM + row, dof)
-    Y: wp.array3d(dtype=wp.float32)  # J inv(L')
-    A: wp.array4d(dtype=wp.float32)  # (world, group * DIM + row of the other, row, group)
+    tree: wp.array3d(dtype=wp.int32)  # (world, side, group), -1 for none
+    members: wp.array2d(dtype=wp.int32)  # group * sides + side, of one tree after another
+    J: wp.array3d(dtype=wp.float32)  # (world, (row, side, dof), group)
+    Y: wp.array3d(dtype=wp.float32)  # J inv(L'), likewise
+    A: wp.array4d(dtype=wp.float32)  # (world, group * dims + row of the other, row, group)
+    # What micro-steps keep between barriers where registers do not hold it:
+    surface: wp.array2d(dtype=wp.float32)  # rate at which the offset recovers, m/s
+    e: wp.array3d(dtype=wp.float32)  # (world, 4 row + n - 1, group): E_n of a micro-step
+    slip: wp.array3d(dtype=wp.float32)
+    fade: wp.array3d(dtype=wp.float32)  # of slipping springs in a micro-step
+    way: wp.array3d(dtype=wp.float32)  # in a micro-step, but for what others change of it
 
 
 @wp.struct
@@ -99,8 +116,12 @@ class Work:
     end: wp.array2d(dtype=wp.float32)  # velocities after the forces, at the middle
     edited: wp.array2d(dtype=wp.int32)  # by tree: 1 velocities, 2 positions changed by hand
     twist: wp.array2d(dtype=wp.spatial_vector)  # of bodies at their frames: angular, linear
+    blow: wp.array2d(dtype=wp.float32)  # of bodies: speed of what may hit them, m/s
     z: wp.array4d(dtype=wp.float32)  # (world, vector, row, group) of the coupling bound
-    bound: wp.array2d(dtype=wp.float32)  # (world, 3): coupling of stiffness, normals, friction
+    first: wp.array2d(dtype=wp.int32)  # (world, tree) of rows.members, and how many after the last
+    tree_force: wp.array2d(dtype=wp.float32)  # (world, tree * width + dof): Y' F
+    tree_impulse: wp.array2d(dtype=wp.float32)
+    bound: wp.array2d(dtype=wp.float32)  # (world, 3): the largest of a world
     clipped: wp.array(dtype=wp.int32)  # rows whose given stiffness was lowered, in all steps
     overflow: wp.array(dtype=wp.int32)  # 1 where a world had more groups than fit
     diverged: wp.array(dtype=wp.int32)  # 1 where a world lost its numbers

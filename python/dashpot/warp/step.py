@@ -8,7 +8,7 @@ from dashpot.warp import comfree
 from dashpot.warp.data import Data
 from dashpot.warp.model import Model
 from dashpot.warp.solve import (
-    couple,
+    bound_coupling,
     find_edits,
     find_rows,
     plan_and_recall,
@@ -16,12 +16,14 @@ from dashpot.warp.solve import (
     remember_state,
     respond,
     run_microsteps,
+    trees_of,
 )
 from dashpot.warp.stages import (
     HALF,
     advance_semi_implicit,
     drift_to_end,
     drift_to_middle,
+    find_constraints,
     find_geometry,
     find_smooth_motion,
     finish_stages,
@@ -134,8 +136,9 @@ def _solve(m: Model, d: Data, ahead: float) -> None:
     wp.copy(d.dashpot.middle, d.qpos)
     find_geometry(m, d, ahead)
     find_smooth_motion(m, d)
+    find_constraints(m, d)
     find_rows(m, d, ahead)
-    couple(m, d)
+    bound_coupling(m, d)
     plan_and_recall(m, d, ahead)
     run_microsteps(m, d)
     respond(m, d)
@@ -147,19 +150,22 @@ def _solve_complementarity_free(m: Model, d: Data) -> None:
     own, law = m.dashpot, d.dashpot
     find_geometry(m, d, 0.0)
     find_smooth_motion(m, d)
+    find_constraints(m, d)
     find_rows(m, d, 0.0)
     if own.constraint_rows:
-        trees = [m.tree_dofadr, m.tree_dofnum, own.tree_factor]
-        inputs = [own.dims, *trees, law.rows, law.work]
+        inputs = [*trees_of(m), own.tree_factor, law.rows, law.work]
         wp.launch(comfree.add_magnitudes, dim=(d.nworld, m.ntree), inputs=inputs)
     inputs = [
-        own.dims,
-        m.nv,
         m.opt.timestep,
+        *trees_of(m),
         own.comfree_stiffness,
         own.comfree_damping,
         d.contact.efc_address,
         d.efc.D,
+        d.ne,
+        d.efc.id,
+        d.efc.pos,
+        m.eq_solimp,
         law.rows,
         law.work,
     ]
