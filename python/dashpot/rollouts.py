@@ -160,7 +160,8 @@ def rollout(
         arrays. After an exception they hold some of it.
     final_state
         Where to write the last states as integration states, (nbatch, nstate), to go on from them
-        with contact memory. It may be `initial_state`.
+        with contact memory. They have this size whatever `initial_state` has. It may be
+        `initial_state` itself.
     skip_checks, chunk_size, persistent_pool
         As `mujoco.rollout` takes them. They have no effect: all is checked, each thread takes the
         next rollout once it is done with one, and engines keep their workers.

@@ -101,7 +101,7 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
         sensor_sigma=sensors,
         noise="estimate" if estimated else "stated",
     )
-    # Who gives units knows them: fit warns, and goes on.
+    # Who gave units is told by the fit itself.
     for name, what in () if arguments.unit else strange_falls(problem).items():
         raise ValueError(
             f"{arguments.problem}: trajectory '{name}': {what}; say what units are: --unit "
@@ -168,8 +168,8 @@ def described(problem: Problem) -> list[str]:
     noise += [f"{name} {sigma[0]:.3g}" for name, sigma in problem.sensor_sigma.items()]  # type: ignore[index]
     count = len(problem.trajectories)
     frames = sum(trajectory.frames for trajectory in problem.trajectories)
-    kind = "noise" if problem.noise == "stated" else "noise to be estimated, from"
-    return [*lines, f"{count} runs of {frames} frames, {kind} of {', '.join(noise)}"]
+    kind = "noise of" if problem.noise == "stated" else "noise to be estimated, from"
+    return [*lines, f"{count} runs of {frames} frames, {kind} {', '.join(noise)}"]
 
 
 def _trajectories(

@@ -30,7 +30,7 @@ _DELIMITERS = (",", ";", "\t")
 # Lines before the header: comments of instruments.
 _MOST_BEFORE = 50
 _MOST_RUNS = 10_000
-_MISSING = frozenset({"", "na", "n/a", "nan", "none", "null", "-", "--"})
+_MISSING = frozenset({"", "na", "n/a", "#n/a", "nan", "none", "null", "-", "--"})
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Warnings of data that a fit takes, but that were hardly meant so."""
+"""Data that were hardly meant so: refused, or taken with a warning."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dashpot.calibrate.data.falls import strange_units
+from dashpot.calibrate.data.falls import DOWN, strange_units
 from dashpot.calibrate.problem.falling_paths import falling_paths
 from dashpot.calibrate.problem.first_guess import free_bodies, gravity_of
 from dashpot.calibrate.problem.problem import Problem
@@ -34,12 +34,23 @@ def warn_of_noisy_starts(problem: Problem, consequence: str) -> None:
     )
 
 
-def warn_of_strange_falls(problem: Problem) -> None:
-    """Warn where bodies fall as of other units or axes than the model's."""
+def refuse_strange_falls(problem: Problem) -> None:
+    """Refuse bodies that fall as of other units than the model's, warn of an axis turned round.
+
+    Times a thousand times too long would take a thousand times as long to simulate. What falls up
+    may be thrown so.
+    """
     found = strange_falls(problem)
     for what in dict.fromkeys(found.values()):
         names = [name for name, said in found.items() if said == what]
-        _warn(names, f"{what}; times must be in s, positions in m, in the world of the model")
+        said = f"{what}; times must be in s, positions in m, in the world of the model"
+        if what.endswith(f"as with {DOWN}"):
+            _warn(names, said)
+        else:
+            raise ValueError(
+                f"{_listed(names)}: {said}. Trajectory.from_csv(unit={{'time': 'ms', 'z': 'cm'}}) "
+                "converts such files"
+            )
 
 
 def noisy_starts(problem: Problem) -> tuple[str, ...]:
@@ -70,7 +81,10 @@ def strange_falls(problem: Problem) -> dict[str, str]:
 
 
 def _warn(names: Sequence[str], what: str) -> None:
-    if not names:
-        return
+    if names:
+        warnings.warn(f"{_listed(names)}: {what}", stacklevel=_STACK_LEVEL)
+
+
+def _listed(names: Sequence[str]) -> str:
     others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    warnings.warn(f"trajectory '{names[0]}'{others}: {what}", stacklevel=_STACK_LEVEL)
+    return f"trajectory '{names[0]}'{others}"
