@@ -79,7 +79,7 @@ void Books::find_ways(const mjData_* d, const SolvedPart& part, Team& team) {
       way[i] = 0.5 * part.length * (start_velocity[dof] + velocity[dof]);
     }
     in_microsteps_[index] =
-        !part.is_comfree && (motion.linked()[index] || part.on_trees.touched[index]);
+        motion.own() && (motion.linked()[index] || part.on_trees.touched[index]);
     if (!in_microsteps_[index]) return;
     double* shift = recovered_.data() + tree.dof_begin;
     motion.to_generalized(index, part.data.total_displacement.data() + tree.begin, way);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "comfree_stepper.hpp"
 #include "dashpot/detection/pair_filters.hpp"
 #include "dashpot/mujoco/data_checks.hpp"
 #include "dashpot/mujoco/errors.hpp"
@@ -42,18 +43,14 @@ struct MemoryAtStart {
 
 }  // namespace
 
-Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
-    : team(threads),
-      model(m),
-      parameters(p),
-      motion(m, p.options.law != Law::kComFree),
-      trapezoid(m) {
+Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads, bool own)
+    : team(threads), model(m), parameters(p), motion(m, own), trapezoid(m) {
   host::check_supported(m, p.options);
   const int geoms = host::geom_count(m);
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
                                 " entries; the model has " + std::to_string(geoms) + " geoms");
-  detection.takes_faces = p.options.law != Law::kComFree;
+  detection.takes_faces = own;
   memory_layout = dashpot::memory_layout(m, p.contact_capacity);
   data_size = host::data_size(m);
 }
@@ -73,12 +70,11 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   host::check_data(model, d, data_size);
   memory(d).check();
   const host::ErrorGuard guard(d);
-  const bool moves_mocap = parameters.options.law != Law::kComFree;
-  host::MocapMotion mocap(model, d, moves_mocap, parameters.options.mocap_timeconst, memory(d),
+  host::MocapMotion mocap(model, d, motion.own(), parameters.options.mocap_timeconst, memory(d),
                           mocap_buffers);
   MemoryAtStart at_start{host::memory(model, d, memory_layout.size()), {}};
   forget_moved_by_hand(d, at_start.before);
-  const host::DampersInRows dampers(model, moves_mocap && in_touch(d), detection.dampers);
+  const host::DampersInRows dampers(model, motion.own() && in_touch(d), detection.dampers);
   host::StepParts parts(model, d);
   host::SleepAtStart sleep(model, d, sleeping.at_start());
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
@@ -157,10 +153,8 @@ void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
   mocap.drive(contacts);
 }
 
-// Corrects contacts of bodies in flight, which may meet elsewhere than found, or pass by. With the
-// complementarity-free law contact does not start within a step.
+// Corrects contacts of bodies in flight, which may meet elsewhere than found, or pass by.
 void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
-  if (parameters.options.law == Law::kComFree) return;
   flights.follow(model, d, detection.buffers, constraints, clock.length, contacts);
 }
 
@@ -210,7 +204,6 @@ void Stepper::Impl::forget_moved_by_hand(mjData_* d, std::vector<double>& before
 
 // Goes as far into a step as the second half of the last one is known.
 void Stepper::Impl::complete_last_step(mjData_* d) {
-  if (parameters.options.law == Law::kComFree) return;
   const HeldMotion before = memory(d).held_motion();
   if (std::none_of(before.length, before.length + memory_layout.held_trees,
                    [](double length) { return length > 0.0; }))
@@ -238,7 +231,7 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   std::copy_n(host::position(d), memory_layout.positions, view.position());
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
-  const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
+  const bool leaves_half = motion.own() && !geometry_of_middle;
   trapezoid.keep(d,
                  {clock.length, leaves_half, constraints, rows, data, on_trees.held, books.way()},
                  motion, view, books.ledger());
@@ -268,7 +261,9 @@ Memory Stepper::Impl::memory(mjData_* d) const {
 }
 
 Stepper::Stepper(mjModel_* model, const Parameters& parameters, int threads)
-    : impl_(std::make_unique<Impl>(model, parameters, threads)) {}
+    : impl_(parameters.options.law == Law::kComFree
+                ? std::make_unique<ComFreeImpl>(model, parameters, threads)
+                : std::make_unique<Impl>(model, parameters, threads)) {}
 Stepper::~Stepper() = default;
 Stepper::Stepper(Stepper&&) noexcept = default;
 Stepper& Stepper::operator=(Stepper&&) noexcept = default;

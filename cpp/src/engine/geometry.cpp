@@ -46,7 +46,6 @@ HitFrequency Stepper::Impl::hit_frequency() const {
 // Contacts of bodies that turn are frozen where their forces act. The inertia of a free body goes
 // there too, unless constraints hold it, which are those of the start.
 void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
-  if (parameters.options.law == Law::kComFree) return;
   const HitFrequency frequency = hit_frequency();
   const Memory view = memory(d);
   host::freeze_contacts(

@@ -26,16 +26,17 @@ void Stepper::Impl::solve_part(mjData_* d, host::StepParts& parts, host::MocapMo
   if (shorten(length_of_turns(d), parts))
     motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
   detect_and_solve(d, parts, mocap);
+  follow_knock_on(d, mocap);
   while (shorten(length_of_what_came(), parts)) {
     motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
     detect_and_solve(d, parts, mocap);
+    follow_knock_on(d, mocap);
   }
 }
 
 // Up to where trees have turned as far as steps follow, or equalities, at their rate in the part
 // before, as far as their rows do.
 double Stepper::Impl::length_of_turns(mjData_* d) {
-  if (parameters.options.law == Law::kComFree) return clock.length;
   const double* const held = memory(d).held_motion().held;
   return std::min(part_of_smooth_turn(model, d, motion, held, clock),
                   part_of_turning_rows(clock.row_turn_rate * clock.length, clock));
@@ -44,7 +45,6 @@ double Stepper::Impl::length_of_turns(mjData_* d) {
 // Up to where the trees that rows have thrown about do, or equalities. The rate of these is kept
 // for the next part, in which they most often go on so.
 double Stepper::Impl::length_of_what_came() {
-  if (parameters.options.law == Law::kComFree) return clock.length;
   const double thrown = part_of_thrown_turn(model, motion, data, on_trees.touched, clock);
   if (thrown < clock.length) return thrown;
   const double turn = trapezoid.fastest_turn();
@@ -71,7 +71,6 @@ void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::M
   if (rough || clock.length != searched)
     motion.find_smooth_motion(d, clock.length, false, data, team);
   solve(d, mocap);
-  follow_knock_on(d, mocap);
 }
 
 // Whether the smooth motion may be rough: a part that another will follow needs no more than
@@ -90,7 +89,6 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
 
 // Takes the part anew while its impacts bring about more contacts.
 void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
-  if (parameters.options.law == Law::kComFree) return;
   // Nothing that no row touched has another way than the smooth motion that detection went by.
   const auto any_touched = [&] {
     const std::vector<char>& touched = on_trees.touched;

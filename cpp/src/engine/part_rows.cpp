@@ -21,30 +21,27 @@ void Stepper::Impl::find_rows(mjData_* d, host::MocapMotion& mocap) {
     build_rows_in_the_middle(d, part.apart, mocap);
     give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, clock.length, materials);
   } else {
-    freeze_turning_contacts(d);
-    find_row_turns(d);
+    freeze_within_step(d);
     build_rows(d);
   }
-  if (parameters.options.law == Law::kComFree) return;
-  matching.find(memory(d), contacts, rows, matches, team);
   finish_last_step(d);
 }
 
 // Builds the rows of the part, and finds what they do in it.
 void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   find_rows(d, mocap);
-  if (parameters.options.law == Law::kComFree) {
-    update_complementarity_free(d);
-  } else {
-    plan_and_recall(d);
-    run_islands(d);
-  }
+  act(d);
 }
 
-void Stepper::Impl::find_row_turns(mjData_* d) {
+void Stepper::Impl::act(mjData_* d) {
+  plan_and_recall(d);
+  run_islands(d);
+}
+
+void Stepper::Impl::freeze_within_step(mjData_* d) {
+  freeze_turning_contacts(d);
   row_turns.forget();
-  if (parameters.options.law != Law::kComFree)
-    row_turns.find(model, d, clock.length, motion.trees(), data.velocity.data(), constraints);
+  row_turns.find(model, d, clock.length, motion.trees(), data.velocity.data(), constraints);
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
@@ -65,6 +62,7 @@ void Stepper::Impl::act_along_in_links(mjData_* d) {
 }
 
 void Stepper::Impl::finish_last_step(mjData_* d) {
+  matching.find(memory(d), contacts, rows, matches, team);
   const StepView step = view(d);
   books.open(step.memory, sleeping.rows());
   trapezoid.finish_last_step(d, step, differentiable, motion, rows, data, books.ledger());
@@ -125,12 +123,8 @@ StepView Stepper::Impl::view(mjData_* d) const {
 }
 
 SolvedPart Stepper::Impl::solved_part() const {
-  return {model,        parameters.options.law == Law::kComFree,
-          clock.length, contacts,
-          constraints,  rows,
-          data,         on_trees,
-          recovery,     motion,
-          trapezoid};
+  return {model, clock.length, contacts, constraints, rows,
+          data,  on_trees,     recovery, motion,      trapezoid};
 }
 
 }  // namespace dashpot

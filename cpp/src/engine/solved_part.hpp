@@ -29,7 +29,6 @@ struct RowsOnTrees {
 
 struct SolvedPart {
   mjModel_* model;
-  bool is_comfree;
   double length;  // H, s
   const std::vector<ContactInput>& contacts;
   const std::vector<ConstraintInput>& constraints;

@@ -41,7 +41,7 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree) const {
   return by_rows;
 }
 
-// Under those of the micro-steps activations, plugins and what MuJoCo moves go on.
+// Under those of the micro-steps MuJoCo's integrator goes on.
 void Stepper::Impl::find_forces(mjData_* d) {
   const SolvedPart solved = solved_part();
   forces.start(rows);
@@ -53,16 +53,13 @@ void Stepper::Impl::find_forces(mjData_* d) {
 
 void Stepper::Impl::report_forces(mjData_* d) {
   const SolvedPart solved = solved_part();
-  if (parameters.options.law != Law::kComFree) {
-    books.find_unpaid(memory(d), solved, on_trees.unpaid);
-    forces.find_reported(d, solved);
-  }
+  books.find_unpaid(memory(d), solved, on_trees.unpaid);
+  forces.find_reported(d, solved);
   forces.report(d, solved);
 }
 
-// With the complementarity-free law all trees are MuJoCo's to move.
-void Stepper::Impl::advance_state(mjData_* d) {
-  const bool comfree = parameters.options.law == Law::kComFree;
+// Activations, plugins, and trees that are MuJoCo's to move.
+void Stepper::Impl::integrate_by_mujoco(mjData_* d) {
   if (forces.report_others()) forces.exchange(d);
   try {
     host::integrate(model, d, motion.any_by_mujoco(), may_have_rows);
@@ -71,7 +68,10 @@ void Stepper::Impl::advance_state(mjData_* d) {
     throw;
   }
   if (forces.report_others()) forces.exchange(d);
-  if (comfree) return;
+}
+
+void Stepper::Impl::advance_state(mjData_* d) {
+  integrate_by_mujoco(d);
   on_trees.lost.resize(motion.tree_count());
   const auto advance = [&](int index) {
     on_trees.lost[index] = motion.advance(d, index, clock.length, rows_on_tree(index), data);

@@ -1,8 +1,8 @@
 // What a stepper holds. The step is in engine.cpp; how far its parts go in part_length.cpp, their
-// rows in part_rows.cpp, the geometry of these in geometry.cpp, the state at the end in state.cpp,
-// and the complementarity-free law in comfree.cpp. How rows are planned is in row_plan.hpp, what
-// their forces are in step_forces.hpp, what becomes of energy in books.hpp, and what sleeps in
-// sleeping_trees.hpp.
+// rows in part_rows.cpp, the geometry of these in geometry.cpp, the state at the end in state.cpp.
+// How rows are planned is in row_plan.hpp, what their forces are in step_forces.hpp, what becomes
+// of energy in books.hpp, and what sleeps in sleeping_trees.hpp. What is virtual is another thing
+// under the complementarity-free law (comfree_stepper.hpp).
 
 #pragma once
 
@@ -40,18 +40,15 @@
 
 namespace dashpot {
 
-// Of the complementarity-free law, per group.
-struct ComFreeGroups {
-  std::vector<double> gap, effective_mass;
-};
-
 struct Stepper::Impl {
-  Impl(mjModel_* m, const Parameters& p, int threads);
+  // `own`: trees move as the micro-steps do, not as MuJoCo moves them.
+  Impl(mjModel_* m, const Parameters& p, int threads, bool own = true);
+  virtual ~Impl() = default;
 
   // A step and its parts (engine.cpp).
   StepStats step(mjData_* d, bool leave_rows);
   StepStats take_step(mjData_* d, bool leave_rows);
-  void complete_last_step(mjData_* d);
+  virtual void complete_last_step(mjData_* d);
   void follow_edits();
   bool in_touch(mjData_* d) const;
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
@@ -60,7 +57,7 @@ struct Stepper::Impl {
   void detect(mjData_* d, host::MocapMotion& mocap);
 
   // How far a part goes (part_length.cpp).
-  void solve_part(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  virtual void solve_part(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   double length_of_turns(mjData_* d);
   double length_of_what_came();
   bool shorten(double shorter, host::StepParts& parts);
@@ -76,22 +73,22 @@ struct Stepper::Impl {
   void fall_asleep(mjData_* d, const host::MocapMotion& mocap);
 
   // Contacts, beside those that detection finds.
-  void correct_contacts_ahead(mjData_* d);
+  virtual void correct_contacts_ahead(mjData_* d);
 
   // Rows, and the geometry that they have.
   void find_rows(mjData_* d, host::MocapMotion& mocap);
   void solve(mjData_* d, host::MocapMotion& mocap);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                 host::MocapMotion& mocap);
+  virtual void freeze_within_step(mjData_* d);
   void freeze_turning_contacts(mjData_* d);
   HitFrequency hit_frequency() const;
-  void find_row_turns(mjData_* d);
   void build_rows(mjData_* d);
   void act_along_in_links(mjData_* d);
 
-  // What rows do over the part, by either law.
-  void update_complementarity_free(mjData_* d);
-  void finish_last_step(mjData_* d);
+  // What rows do over the part.
+  virtual void finish_last_step(mjData_* d);
+  virtual void act(mjData_* d);
   void plan_and_recall(mjData_* d);
   double resolved_length() const;
   void run_islands(mjData_* d);
@@ -101,8 +98,9 @@ struct Stepper::Impl {
 
   // The state at the end of the part (state.cpp), and the forces that lead there.
   void find_forces(mjData_* d);
-  void report_forces(mjData_* d);
-  void advance_state(mjData_* d);
+  virtual void report_forces(mjData_* d);
+  void integrate_by_mujoco(mjData_* d);
+  virtual void advance_state(mjData_* d);
   RowsOnTree rows_on_tree(int tree) const;
 
   // What is kept of the part, and told of it.
@@ -152,7 +150,6 @@ struct Stepper::Impl {
   ContactMatching matching;
   std::vector<Match> matches;  // per group
   RowPlan plan;
-  ComFreeGroups comfree_groups;
 
   // What they do.
   RowData data;

@@ -67,6 +67,7 @@ class Stepper {
 
  private:
   struct Impl;
+  struct ComFreeImpl;
   std::unique_ptr<Impl> impl_;
 };
 

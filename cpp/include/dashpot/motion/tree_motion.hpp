@@ -36,6 +36,7 @@ class TreeMotion {
  public:
   // Unless `own`, all trees move as MuJoCo moves them.
   TreeMotion(const mjModel_* model, bool own);
+  bool own() const { return own_; }
 
   // Whether it is a free body that moves as one, not as MuJoCo moves it.
   bool is_accurate(int tree) const;
