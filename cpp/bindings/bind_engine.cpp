@@ -13,7 +13,7 @@
 
 #include "dashpot/engine/contacts.hpp"
 #include "dashpot/engine/engine.hpp"
-#include "dashpot/mujoco/data_checks.hpp"
+#include "dashpot/mujoco/checks.hpp"
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/features.hpp"
 #include "dashpot/mujoco/properties.hpp"

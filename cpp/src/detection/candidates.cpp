@@ -11,8 +11,8 @@
 #include "dashpot/detection/narrowing.hpp"
 #include "dashpot/detection/reach.hpp"
 #include "dashpot/lanes/prefetch.hpp"
-#include "dashpot/mujoco/contact_parameters.hpp"
-#include "dashpot/mujoco/names.hpp"
+#include "dashpot/mujoco/contacts.hpp"
+#include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/sleep.hpp"
 

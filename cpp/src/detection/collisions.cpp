@@ -8,13 +8,13 @@
 #include <cstring>
 #include <utility>
 
-#include "dashpot/detection/ellipsoid_contacts.hpp"
-#include "dashpot/detection/face_contacts.hpp"
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/detection/narrowing.hpp"
-#include "dashpot/detection/side_by_side.hpp"
-#include "dashpot/detection/terrain.hpp"
-#include "dashpot/mujoco/contact_parameters.hpp"
+#include "dashpot/mujoco/contacts.hpp"
+#include "ellipsoid_contacts.hpp"
+#include "face_contacts.hpp"
+#include "side_by_side.hpp"
+#include "terrain.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
 // any two convex geoms.

@@ -1,13 +1,13 @@
-#include "dashpot/detection/contact_motion.hpp"
+#include "contact_motion.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "dashpot/detection/moved_geom.hpp"
-#include "dashpot/mujoco/moved_axes.hpp"
+#include "dashpot/mujoco/body_inertia.hpp"
 #include "dashpot/mujoco/properties.hpp"
-#include "dashpot/mujoco/welded_parts.hpp"
+#include "dashpot/mujoco/velocities.hpp"
+#include "moved_geom.hpp"
 
 namespace dashpot::host {
 

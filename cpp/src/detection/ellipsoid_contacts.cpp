@@ -1,13 +1,13 @@
-#include "dashpot/detection/ellipsoid_contacts.hpp"
+#include "ellipsoid_contacts.hpp"
 
 #include <mujoco/mujoco.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "dashpot/detection/geom_on_terrain.hpp"
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/geometry/ellipsoids.hpp"
+#include "geom_on_terrain.hpp"
 
 namespace dashpot::host {
 

@@ -1,4 +1,4 @@
-#include "dashpot/detection/face_contacts.hpp"
+#include "face_contacts.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -7,8 +7,8 @@
 #include <cmath>
 
 #include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/detection/side_by_side.hpp"
 #include "dashpot/geometry/face_manifold.hpp"
+#include "side_by_side.hpp"
 
 namespace dashpot::host {
 

@@ -1,9 +1,9 @@
-#include "dashpot/detection/far_pair.hpp"
+#include "far_pair.hpp"
 
 #include <cmath>
 
 #include "dashpot/detection/geom_faces.hpp"
-#include "dashpot/detection/side_by_side.hpp"
+#include "side_by_side.hpp"
 
 namespace dashpot::host {
 

@@ -1,4 +1,4 @@
-#include "dashpot/detection/geom_on_terrain.hpp"
+#include "geom_on_terrain.hpp"
 
 #include <mujoco/mujoco.h>
 

@@ -9,9 +9,9 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/mujoco/names.hpp"
+#include "dashpot/mujoco/body_inertia.hpp"
+#include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/velocities.hpp"
-#include "dashpot/mujoco/welded_parts.hpp"
 
 namespace dashpot {
 

@@ -1,11 +1,11 @@
-#include "dashpot/detection/lone_pairs.hpp"
+#include "lone_pairs.hpp"
 
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
 #include <limits>
 
-#include "dashpot/detection/contact_motion.hpp"
+#include "contact_motion.hpp"
 #include "dashpot/geometry/squared_distance.hpp"
 #include "dashpot/mujoco/properties.hpp"
 

@@ -1,4 +1,4 @@
-#include "dashpot/detection/moved_geom.hpp"
+#include "moved_geom.hpp"
 
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/velocities.hpp"

@@ -7,7 +7,6 @@
 
 #include "dashpot/detection/collisions.hpp"
 #include "dashpot/lanes/prefetch.hpp"
-#include "dashpot/mujoco/contact_parameters.hpp"
 #include "dashpot/mujoco/contacts.hpp"
 
 namespace dashpot::host {

@@ -1,4 +1,4 @@
-#include "dashpot/detection/pair_ahead.hpp"
+#include "pair_ahead.hpp"
 
 #include <algorithm>
 #include <array>

@@ -6,6 +6,8 @@
 #include <tuple>
 #include <utility>
 
+#include "dashpot/detection/detection.hpp"
+
 namespace dashpot::host {
 
 namespace {

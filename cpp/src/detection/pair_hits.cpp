@@ -1,4 +1,4 @@
-#include "dashpot/detection/pair_hits.hpp"
+#include "pair_hits.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <limits>
 
-#include "dashpot/mujoco/contact_parameters.hpp"
+#include "dashpot/mujoco/contacts.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/velocities.hpp"

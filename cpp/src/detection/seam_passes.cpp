@@ -1,12 +1,12 @@
-#include "dashpot/detection/seam_passes.hpp"
+#include "seam_passes.hpp"
 
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
 #include <optional>
 
-#include "dashpot/detection/side_by_side.hpp"
 #include "dashpot/mujoco/properties.hpp"
+#include "side_by_side.hpp"
 
 namespace dashpot::host {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/detection/seam_passes.hpp"
 #include "dashpot/mujoco/properties.hpp"
+#include "seam_passes.hpp"
 
 namespace dashpot::host {
 

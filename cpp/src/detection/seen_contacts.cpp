@@ -1,4 +1,4 @@
-#include "dashpot/detection/seen_contacts.hpp"
+#include "seen_contacts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,10 +6,10 @@
 
 #include "dashpot/detection/collisions.hpp"
 #include "dashpot/detection/geom_faces.hpp"
-#include "dashpot/detection/moved_geom.hpp"
-#include "dashpot/detection/side_by_side.hpp"
 #include "dashpot/geometry/squared_distance.hpp"
 #include "dashpot/geometry/terrain_contacts.hpp"
+#include "moved_geom.hpp"
+#include "side_by_side.hpp"
 
 namespace dashpot::host {
 

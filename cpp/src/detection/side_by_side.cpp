@@ -1,4 +1,4 @@
-#include "dashpot/detection/side_by_side.hpp"
+#include "side_by_side.hpp"
 
 #include <mujoco/mujoco.h>
 

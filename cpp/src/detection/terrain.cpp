@@ -1,4 +1,4 @@
-#include "dashpot/detection/terrain.hpp"
+#include "terrain.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -7,11 +7,11 @@
 #include <cmath>
 
 #include "dashpot/detection/geom_faces.hpp"
-#include "dashpot/detection/geom_on_terrain.hpp"
 #include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/detection/moved_geom.hpp"
-#include "dashpot/detection/terrain_points.hpp"
 #include "dashpot/geometry/terrain_contacts.hpp"
+#include "geom_on_terrain.hpp"
+#include "moved_geom.hpp"
+#include "terrain_points.hpp"
 
 namespace dashpot::host {
 

@@ -1,4 +1,4 @@
-#include "dashpot/detection/terrain_points.hpp"
+#include "terrain_points.hpp"
 
 #include <mujoco/mujoco.h>
 

@@ -1,8 +1,8 @@
 #include "dashpot/detection/turning.hpp"
 
-#include "dashpot/detection/lone_pairs.hpp"
-#include "dashpot/detection/turning_pair.hpp"
 #include "dashpot/detection/workplaces.hpp"
+#include "lone_pairs.hpp"
+#include "turning_pair.hpp"
 
 namespace dashpot::host {
 

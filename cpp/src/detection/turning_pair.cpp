@@ -1,4 +1,4 @@
-#include "dashpot/detection/turning_pair.hpp"
+#include "turning_pair.hpp"
 
 #include <algorithm>
 #include <array>

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "dashpot/mujoco/work.hpp"
+#include "dashpot/mujoco/forces.hpp"
 #include "dashpot/rows/energy_ledger.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/threads/team.hpp"

@@ -6,14 +6,13 @@
 #include <string>
 
 #include "comfree_stepper.hpp"
-#include "dashpot/detection/pair_filters.hpp"
-#include "dashpot/mujoco/data_checks.hpp"
+#include "dashpot/mujoco/body_inertia.hpp"
+#include "dashpot/mujoco/checks.hpp"
+#include "dashpot/mujoco/constraint_memory.hpp"
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/features.hpp"
 #include "dashpot/mujoco/host.hpp"
-#include "dashpot/mujoco/marked_rows.hpp"
 #include "dashpot/mujoco/properties.hpp"
-#include "dashpot/mujoco/simple_inertia.hpp"
 #include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "stepper_impl.hpp"

@@ -5,10 +5,10 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/engine/row_assembly.hpp"
 #include "dashpot/microsteps/position_recovery.hpp"
-#include "dashpot/mujoco/data_checks.hpp"
+#include "dashpot/mujoco/checks.hpp"
 #include "dashpot/rows/recall.hpp"
+#include "row_assembly.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {

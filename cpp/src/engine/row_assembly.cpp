@@ -1,4 +1,4 @@
-#include "dashpot/engine/row_assembly.hpp"
+#include "row_assembly.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "dashpot/geometry/height_field.hpp"
+#include "height_field.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "dashpot/geometry/moving_shape.hpp"
-#include "dashpot/geometry/prisms.hpp"
+#include "moving_shape.hpp"
+#include "prisms.hpp"
 
 namespace dashpot {
 

@@ -19,9 +19,9 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/geometry/height_field.hpp"
-#include "dashpot/geometry/moving_shape.hpp"
 #include "dashpot/geometry/query.hpp"
+#include "height_field.hpp"
+#include "moving_shape.hpp"
 
 namespace dashpot {
 

@@ -1,4 +1,4 @@
-#include "dashpot/impacts/fast_pairs.hpp"
+#include "fast_pairs.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -5,9 +5,9 @@
 
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/geometry/query.hpp"
-#include "dashpot/impacts/fast_pairs.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/rows/step_clock.hpp"
+#include "fast_pairs.hpp"
 
 namespace dashpot {
 

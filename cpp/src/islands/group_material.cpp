@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include "dashpot/law/solref.hpp"
-#include "dashpot/mujoco/names.hpp"
+#include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/properties.hpp"
 
 namespace dashpot {

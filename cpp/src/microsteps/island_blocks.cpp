@@ -1,4 +1,4 @@
-#include "dashpot/microsteps/island_blocks.hpp"
+#include "island_blocks.hpp"
 
 #include <algorithm>
 #include <array>

@@ -5,8 +5,8 @@
 #include <limits>
 #include <vector>
 
-#include "dashpot/microsteps/island_blocks.hpp"
 #include "dashpot/microsteps/lane_flow.hpp"
+#include "island_blocks.hpp"
 
 namespace dashpot {
 

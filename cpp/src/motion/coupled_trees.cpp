@@ -1,4 +1,4 @@
-#include "dashpot/motion/coupled_trees.hpp"
+#include "coupled_trees.hpp"
 
 #include <algorithm>
 

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/motion/coupled_trees.hpp"
+#include "coupled_trees.hpp"
 #include "dashpot/motion/turning_parts.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
-#include "dashpot/mujoco/joint_springs.hpp"
+#include "dashpot/mujoco/springs_and_dampers.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
 namespace dashpot {

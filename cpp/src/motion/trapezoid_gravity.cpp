@@ -1,8 +1,8 @@
 // Gravity of light parts, which goes to the middle of a step with the contacts.
 
 #include "dashpot/motion/trapezoid.hpp"
-#include "dashpot/mujoco/gravity_ahead.hpp"
 #include "dashpot/mujoco/trees.hpp"
+#include "dashpot/mujoco/velocities.hpp"
 
 namespace dashpot {
 

@@ -4,13 +4,13 @@
 #include <cmath>
 #include <string>
 
-#include "dashpot/mujoco/data_checks.hpp"
+#include "dashpot/mujoco/checks.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
 #include "dashpot/mujoco/host.hpp"
-#include "dashpot/mujoco/joint_springs.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/sleep.hpp"
+#include "dashpot/mujoco/springs_and_dampers.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/rows/divergence.hpp"

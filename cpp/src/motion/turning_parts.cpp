@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "dashpot/mujoco/host.hpp"
-#include "dashpot/mujoco/moved_axes.hpp"
 #include "dashpot/mujoco/properties.hpp"
+#include "dashpot/mujoco/velocities.hpp"
 
 namespace dashpot {
 

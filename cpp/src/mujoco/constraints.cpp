@@ -6,14 +6,14 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "dashpot/mujoco/body_inertia.hpp"
 #include "dashpot/mujoco/constraint_memory.hpp"
+#include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/jacobians.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
-#include "dashpot/mujoco/names.hpp"
-#include "dashpot/mujoco/row_dampers.hpp"
 #include "dashpot/mujoco/row_turns.hpp"
+#include "dashpot/mujoco/springs_and_dampers.hpp"
 #include "dashpot/mujoco/trees.hpp"
-#include "dashpot/mujoco/welded_parts.hpp"
 
 namespace dashpot::host {
 

@@ -1,4 +1,4 @@
-#include "dashpot/mujoco/discrete.hpp"
+#include "discrete.hpp"
 
 #include <mujoco/mujoco.h>
 

@@ -5,14 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/mujoco/discrete.hpp"
+#include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/host.hpp"
-#include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/sleep.hpp"
+#include "dashpot/mujoco/springs_and_dampers.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/rows/divergence.hpp"
-#include "definite_damping.hpp"
+#include "discrete.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: derivatives of
 // the smooth forces with respect to velocity, which mj_implicit itself starts from.

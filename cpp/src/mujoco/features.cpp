@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "dashpot/mujoco/checks.hpp"
 #include "dashpot/mujoco/constraints.hpp"
-#include "dashpot/mujoco/discrete.hpp"
+#include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
-#include "dashpot/mujoco/model_checks.hpp"
-#include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/trees.hpp"
+#include "discrete.hpp"
 
 namespace dashpot::host {
 

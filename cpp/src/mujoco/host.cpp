@@ -6,14 +6,14 @@
 #include <cmath>
 #include <string>
 
+#include "dashpot/mujoco/checks.hpp"
 #include "dashpot/mujoco/contacts.hpp"
-#include "dashpot/mujoco/data_checks.hpp"
-#include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/rows/divergence.hpp"
+#include "discrete.hpp"
 
 namespace dashpot::host {
 

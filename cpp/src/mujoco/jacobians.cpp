@@ -5,11 +5,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
+#include "dashpot/mujoco/body_inertia.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
-#include "dashpot/mujoco/moved_axes.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/velocities.hpp"
-#include "dashpot/mujoco/welded_parts.hpp"
 
 namespace dashpot::host {
 

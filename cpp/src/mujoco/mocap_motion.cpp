@@ -8,7 +8,7 @@
 
 #include "dashpot/mujoco/constraint_memory.hpp"
 #include "dashpot/mujoco/constraints.hpp"
-#include "dashpot/mujoco/mocap_jumps.hpp"
+#include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/sleep.hpp"
 

@@ -1,5 +1,3 @@
-#include "dashpot/mujoco/model_numbers.hpp"
-
 #include <mujoco/mujoco.h>
 
 #include <cmath>
@@ -7,8 +5,8 @@
 #include <string>
 
 #include "dashpot/law/text.hpp"
-#include "dashpot/mujoco/finite.hpp"
-#include "dashpot/mujoco/names.hpp"
+#include "dashpot/mujoco/checks.hpp"
+#include "dashpot/mujoco/errors.hpp"
 
 namespace dashpot::host {
 

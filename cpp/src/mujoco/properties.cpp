@@ -6,8 +6,8 @@
 #include <limits>
 
 #include "dashpot/law/constants.hpp"
+#include "dashpot/mujoco/body_inertia.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
-#include "dashpot/mujoco/welded_parts.hpp"
 
 namespace dashpot::host {
 

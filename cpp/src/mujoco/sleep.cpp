@@ -6,10 +6,9 @@
 #include <cmath>
 
 #include "dashpot/mujoco/constraint_memory.hpp"
-#include "dashpot/mujoco/equality_sides.hpp"
-#include "dashpot/mujoco/marked_rows.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/velocities.hpp"
+#include "equalities.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: what follows
 // from mjData.tree_asleep.

@@ -3,6 +3,9 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cstddef>
+
+#include "dashpot/mujoco/errors.hpp"
 
 namespace dashpot::host {
 
@@ -31,6 +34,22 @@ void move_tree(const mjModel* m, mjData* d, const Tree& t, const double* displac
     }
   }
 }
+
+struct Array {
+  mjtNum* mjModel::*values;
+  std::size_t count;
+};
+
+// What WidenedReach changes.
+std::vector<Array> detection_distances(const mjModel* m) {
+  const auto size = [](auto count) { return static_cast<std::size_t>(count); };
+  return {{&mjModel::geom_gap, size(m->ngeom)},  {&mjModel::body_margin, size(m->nbody)},
+          {&mjModel::pair_gap, size(m->npair)},  {&mjModel::flex_gap, size(m->nflex)},
+          {&mjModel::jnt_margin, size(m->njnt)}, {&mjModel::tendon_margin, size(m->ntendon)}};
+}
+
+// MocapMotion has moved mocap bodies, and puts them back.
+constexpr int kState = mjSTATE_INTEGRATION & ~(mjSTATE_MOCAP_POS | mjSTATE_MOCAP_QUAT);
 
 }  // namespace
 
@@ -102,6 +121,63 @@ void reserve_memory(mjModel_* m, int size) { m->nuserdata += size; }
 
 double* memory(const mjModel_* m, mjData_* d, int size) {
   return d->userdata + (m->nuserdata - size);
+}
+
+ModelView::ModelView(const mjModel* model) : view_(std::make_unique<mjModel>()) { update(model); }
+
+ModelView::ModelView(ModelView&&) noexcept = default;
+
+ModelView::~ModelView() = default;
+
+void ModelView::update(const mjModel* model) {
+  *view_ = *model;
+  const std::vector<Array> arrays = detection_distances(model);
+  std::size_t total = 0;
+  for (const Array& array : arrays) total += array.count;
+  own_.resize(total);
+  double* next = own_.data();
+  for (const Array& array : arrays) {
+    std::copy_n(model->*array.values, array.count, next);
+    view_.get()->*array.values = next;
+    next += array.count;
+  }
+}
+
+void DataDeleter::operator()(mjData_* d) const { mj_deleteData(d); }
+
+OwnedData make_data(const mjModel_* m) {
+  const ErrorGuard guard;
+  OwnedData data(mj_makeData(m));
+  if (!data) throw MujocoError("MuJoCo could not make data for the model");
+  return data;
+}
+
+StepParts::StepParts(mjModel_* m, mjData_* d)
+    : model_(m), data_(d), timestep_(m->opt.timestep), end_(d->time + m->opt.timestep) {}
+
+StepParts::~StepParts() {
+  if (!cut()) return;
+  model_->opt.timestep = timestep_;
+  if (finished_)
+    data_->time = end_;
+  else
+    mj_setState(model_, data_, start_.data(), kState);
+}
+
+void StepParts::set_length(double length) {
+  if (!cut()) {
+    start_.resize(mj_stateSize(model_, kState));
+    mj_getState(model_, data_, start_.data(), kState);
+  }
+  model_->opt.timestep = length;
+}
+
+void StepParts::end_part() {
+  if (!cut() || model_->nhistory == 0) return;
+  if (history_.empty())
+    history_.assign(data_->history, data_->history + model_->nhistory);
+  else
+    std::copy(history_.begin(), history_.end(), data_->history);
 }
 
 }  // namespace dashpot::host

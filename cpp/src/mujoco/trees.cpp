@@ -8,7 +8,7 @@
 #include <set>
 #include <vector>
 
-#include "dashpot/mujoco/discrete.hpp"
+#include "discrete.hpp"
 
 namespace dashpot::host {
 

@@ -6,8 +6,58 @@
 #include <array>
 
 #include "dashpot/mujoco/mocap_bodies.hpp"
+#include "dashpot/mujoco/properties.hpp"
 
 namespace dashpot::host {
+
+namespace {
+
+// moved += time * (twist x moved)
+void add_carried(const mjtNum* twist, double time, mjtNum* moved) {
+  mjtNum angular[3], linear[3], shift[3];
+  mju_cross(angular, twist, moved);
+  mju_cross(linear, twist, moved + 3);
+  mju_cross(shift, twist + 3, moved);
+  mju_addTo3(linear, shift);
+  mju_addToScl3(moved, angular, time);
+  mju_addToScl3(moved + 3, linear, time);
+}
+
+// Adds what a joint of several axes turns its own axes by, which cdof_dot leaves out: in the sum
+// over all of them it cancels.
+void add_own_turn(const mjModel* m, const mjData* d, int dof, double time, mjtNum* axis) {
+  const int joint = m->dof_jntid[dof];
+  const int type = m->jnt_type[joint];
+  if (type != mjJNT_FREE && type != mjJNT_BALL) return;
+  const int first = m->jnt_dofadr[joint] + (type == mjJNT_FREE ? 3 : 0);
+  if (dof < first) return;
+  mjtNum own[6] = {};
+  for (int i = first; i < first + 3; ++i) mju_addToScl(own, d->cdof + 6 * i, d->qvel[i], 6);
+  add_carried(own, time, axis);
+}
+
+// Of each body: the wrench of its weight about the centre of mass of the tree, and what that
+// changes by; with those of all bodies that hang on it.
+constexpr int kWrench = 6, kSize = 9;
+
+void add_own_weight(const mjModel* m, const mjData* d, int body, double time, Gravity gravity,
+                    double* wrench) {
+  mjtNum weight[3], arm[3], torque[3], velocity[3], shift[3];
+  const mjtNum compensated = m->body_gravcomp[body];
+  const mjtNum part = gravity == Gravity::kOfCompensation ? -compensated : 1.0 - compensated;
+  mju_scl3(weight, m->opt.gravity, m->body_mass[body] * part);
+  mju_sub3(arm, d->xipos + 3 * body, d->subtree_com + 3 * m->body_rootid[body]);
+  mju_cross(torque, arm, weight);
+  mju_addTo3(wrench, torque);
+  mju_addTo3(wrench + 3, weight);
+  const mjtNum* twist = d->cvel + 6 * body;
+  mju_cross(velocity, twist, arm);
+  mju_addTo3(velocity, twist + 3);
+  mju_cross(shift, velocity, weight);
+  mju_addToScl3(wrench + kWrench, shift, time);
+}
+
+}  // namespace
 
 void body_velocities(const mjModel_* m, const mjData_* d, const double* qvel,
                      std::vector<double>& velocity) {
@@ -94,6 +144,87 @@ std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
   const std::array<double, 6> surface_rate = surface_motion(m, d, input);
   for (int i = 1; i < 3; ++i) result[i] += surface_rate[i];
   return result;
+}
+
+void axis_ahead(const mjModel_* m, const mjData_* d, int dof, double time, double* axis) {
+  std::copy_n(d->cdof + 6 * dof, 6, axis);
+  if (time == 0.0) return;
+  add_own_turn(m, d, dof, time, axis);
+  const mjtNum* rate = d->cdof_dot + 6 * dof;
+  for (int i = 0; i < 6; ++i) axis[i] += time * rate[i];
+  if (const mjtNum* carrier = mocap_twist(m, d, m->dof_bodyid[dof]))
+    add_carried(carrier, time, axis);
+}
+
+double fastest_carried_axis(const mjData_* d, const Tree& tree) {
+  double fastest = 0.0;
+  for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof)
+    fastest = std::max(fastest, mju_norm3(d->cdof_dot + 6 * dof));
+  return fastest;
+}
+
+void twist_ahead(const mjModel_* m, const mjData_* d, int body, double time, double* twist) {
+  mju_zero(twist, 6);
+  for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof]) {
+    mjtNum axis[6];
+    axis_ahead(m, d, dof, time, axis);
+    for (int i = 0; i < 6; ++i) twist[i] += d->qvel[dof] * axis[i];
+  }
+  if (!mocap_twist(m, d, body)) return;
+  mjtNum carrier[6];
+  mocap_twist_ahead(m, d, body, time, carrier);
+  mju_addTo(twist, carrier, 6);
+}
+
+void mocap_twist_ahead(const mjModel_* m, const mjData_* d, int body, double time, double* twist) {
+  const mjtNum* carrier = mocap_twist(m, d, body);
+  if (!carrier) return mju_zero(twist, 6);
+  mju_copy(twist, carrier, 6);
+  const int root = m->body_rootid[body];
+  mjtNum arm[3], origin[3], change[3];
+  mju_sub3(arm, d->xpos + 3 * root, d->subtree_com + 3 * root);
+  mju_cross(origin, carrier, arm);
+  mju_addTo3(origin, carrier + 3);
+  mju_cross(change, carrier, origin);
+  mju_addToScl3(twist + 3, change, -time);
+}
+
+bool has_light_part(const mjModel_* m, const mjData_* d, const Trees& trees, int tree, double time,
+                    double least) {
+  if (m->opt.disableflags & mjDSBL_GRAVITY) return false;
+  const Tree& t = trees.tree[tree];
+  const double way = 0.5 * time * time * mju_norm3(m->opt.gravity);
+  for (int i = 0; i < t.dof_count; ++i) {
+    const int dof = t.dof_begin + i, joint = m->dof_jntid[dof], body = m->dof_bodyid[dof];
+    if (mju_norm3(d->cdof + 6 * dof) == 0.0) continue;  // slides
+    const double arm = mju_dist3(d->subtree_com + 3 * body, d->xanchor + 3 * joint);
+    const double inverse = inverse_diagonal(trees, tree, i);
+    if (way * m->body_subtreemass[body] * arm * inverse >= least) return true;
+  }
+  return false;
+}
+
+void add_gravity_ahead(const mjModel_* m, const mjData_* d, int tree, double time, Gravity gravity,
+                       std::vector<double>& wrench, double* change) {
+  if (m->opt.disableflags & mjDSBL_GRAVITY) return;
+  const int first = m->tree_bodyadr[tree], end = first + m->tree_bodynum[tree];
+  wrench.assign(kSize * (end - first), 0.0);
+  for (int body = end - 1; body >= first; --body) {
+    double* of = wrench.data() + kSize * (body - first);
+    add_own_weight(m, d, body, time, gravity, of);
+    const int parent = m->body_parentid[body];
+    if (parent < first) continue;
+    double* on = wrench.data() + kSize * (parent - first);
+    for (int i = 0; i < kSize; ++i) on[i] += of[i];
+  }
+  for (int dof = m->tree_dofadr[tree]; dof < m->tree_dofadr[tree] + m->tree_dofnum[tree]; ++dof) {
+    const double* of = wrench.data() + kSize * (m->dof_bodyid[dof] - first);
+    const mjtNum* start = d->cdof + 6 * dof;
+    mjtNum axis[6];
+    axis_ahead(m, d, dof, time, axis);
+    for (int i = 0; i < 6; ++i) change[dof] += (axis[i] - start[i]) * of[i];
+    change[dof] += mju_dot3(axis, of + kWrench);
+  }
 }
 
 }  // namespace dashpot::host

@@ -7,7 +7,7 @@
 #include "dashpot/law/constants.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
-#include "dashpot/rows/spring_places.hpp"
+#include "spring_places.hpp"
 
 namespace dashpot {
 

@@ -1,4 +1,4 @@
-#include "dashpot/rows/spring_places.hpp"
+#include "spring_places.hpp"
 
 #include <algorithm>
 #include <cmath>

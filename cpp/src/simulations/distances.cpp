@@ -6,8 +6,8 @@
 #include <cstddef>
 
 #include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/mujoco/names.hpp"
-#include "dashpot/mujoco/owned.hpp"
+#include "dashpot/mujoco/errors.hpp"
+#include "dashpot/mujoco/state.hpp"
 #include "dashpot/threads/parallel.hpp"
 
 namespace dashpot {

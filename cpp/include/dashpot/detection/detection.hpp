@@ -11,7 +11,7 @@
 #include "dashpot/detection/reach.hpp"
 #include "dashpot/detection/seams.hpp"
 #include "dashpot/detection/workplaces.hpp"
-#include "dashpot/mujoco/row_dampers.hpp"
+#include "dashpot/mujoco/springs_and_dampers.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/threads/team.hpp"
 
@@ -38,6 +38,11 @@ struct Detection {
   std::vector<char> may_be_loaded;  // by contact found
   std::vector<RowDamper> dampers;   // that act as rows
 };
+
+// Whether any contact, limit, equality or dry friction could act in some state of a model, as it is
+// now: its flags and values may be edited between steps. Trees of a model without any are MuJoCo's
+// to integrate, bit for bit.
+bool may_have_rows(const mjModel_* m);
 
 // Whether anything may read MuJoCo's rows of contacts within a step: sensors, plugins, and the
 // contacts of flexes. Callbacks cannot: but for those of sensors they are asked before detection.

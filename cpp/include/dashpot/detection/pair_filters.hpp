@@ -1,5 +1,4 @@
-// Which pairs of geoms MuJoCo lets collide, in which order, and how far apart; and whether any rows
-// are possible.
+// Which pairs of geoms MuJoCo lets collide, in which order, and how far apart.
 
 #pragma once
 
@@ -33,10 +32,5 @@ double gap_of(const mjModel_* m, const CandidatePair& pair);
 
 // Whether MuJoCo has a collision for geoms of their types.
 bool have_collision(const mjModel_* m, const CandidatePair& pair);
-
-// Whether any contact, limit, equality or dry friction could act in some state of a model, as it is
-// now: its flags and values may be edited between steps. Trees of a model without any are MuJoCo's
-// to integrate, bit for bit.
-bool may_have_rows(const mjModel_* m);
 
 }  // namespace dashpot::host

@@ -3,8 +3,8 @@
 // Parameters are fixed during a step, mjData changes, StepStats is the result. A Stepper is used
 // by one thread at a time and has the model to itself while it steps: during the step it widens
 // contact detection in the model and, where it cuts the step into parts, changes opt.timestep; both
-// are restored. What MuJoCo derives from masses follows edits of these (mujoco/simple_inertia.hpp).
-// Parallel work on many states gives every worker its own view of the model (mujoco/model_view.hpp)
+// are restored. What MuJoCo derives from masses follows edits of these (mujoco/body_inertia.hpp).
+// Parallel work on many states gives every worker its own view of the model (mujoco/state.hpp)
 // and its own Stepper; a Stepper of several threads shares the passes of a single step among them.
 
 #pragma once

@@ -30,7 +30,7 @@
 //     H^2 m g l / 2 I > 1,    l: from a joint to the centre of mass m of all that hangs on it,
 //
 // as the links of a rope on the floor about their own axes, that feeds on itself. There gravity is
-// that of the middle of the step, as contacts are (mujoco/gravity_ahead.hpp): a load beside the
+// that of the middle of the step, as contacts are (mujoco/velocities.hpp): a load beside the
 // smooth forces in this step, and no part of the second half, which then has springs alone for p.
 //
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)

@@ -10,8 +10,8 @@
 
 #include <vector>
 
+#include "dashpot/mujoco/body_inertia.hpp"
 #include "dashpot/mujoco/elastic_forces.hpp"
-#include "dashpot/mujoco/welded_parts.hpp"
 #include "dashpot/rows/free_body.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/trees.hpp"
@@ -67,7 +67,7 @@ class TreeMotion {
   double translation_by_turning(const mjData_* d, int tree);
   // Lets the dampers of a tree act in its micro-steps; to be called before inv(H) is asked for.
   void damp_in_microsteps(const mjData_* d, int tree, bool is_held);
-  // Lets the springs of its joints act there (mujoco/joint_springs.hpp).
+  // Lets the springs of its joints act there (mujoco/springs_and_dampers.hpp).
   void spring_in_microsteps(int tree);
   // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.
   void invert_inertia(const mjData_* d, int tree);

@@ -1,4 +1,4 @@
-// MuJoCo's fatal errors as exceptions.
+// MuJoCo's fatal errors as exceptions, and how messages call its objects.
 //
 // MuJoCo ends the process where a computation finds no room on the stack in mjData, or where a
 // callback of its Python package raises. Here both become exceptions. Through MuJoCo's engine they
@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <stdexcept>
+#include <string>
 
 struct mjModel_;
 struct mjData_;
@@ -47,5 +48,14 @@ class ErrorGuard {
 // Calls a function of MuJoCo from which there may be callbacks, under an ErrorGuard.
 void call_with_callbacks(void (*function)(const mjModel_*, mjData_*), const mjModel_* m,
                          mjData_* d);
+
+// How messages call an object of MuJoCo's type `type`: its name in quotes, or # and its id.
+std::string named(const mjModel_* m, int type, int id);
+// The same for a side of a contact: a geom, or the flex -1 - geom.
+std::string contact_side(const mjModel_* m, int geom);
+
+// The joint, tendon or equality that a row of MuJoCo's constraints comes from, and what
+// of it: "limit of joint 'knee'".
+std::string constraint_name(const mjModel_* m, const mjData_* d, int row);
 
 }  // namespace dashpot::host

@@ -22,7 +22,7 @@ struct Feature {
 std::vector<Feature> features(const mjModel_* m, Law law);
 
 // Throws std::invalid_argument naming every refused feature, or what check_values() and
-// check_heights() name (mujoco/model_checks.hpp).
+// check_heights() name (mujoco/checks.hpp).
 void check_supported(const mjModel_* m, Law law);
 // The same, and that what the options ask of impacts is defined for the law and the model.
 void check_supported(const mjModel_* m, const Options& options);

@@ -5,7 +5,7 @@
 // velocity; its soft rows turn the violation that a jump leaves into motion within their time
 // constant. Here rows are rigid, so the body itself moves: during a step it goes, with a velocity
 // that its contacts, welds and tendons see, to where it is told to be or, until the time that
-// mocap_jumps.hpp gives it is over, a part of the way. A mocap body that holds something goes to
+// mocap_bodies.hpp gives it is over, a part of the way. A mocap body that holds something goes to
 // where a critically damped follower of the commanded pose will be,
 //
 //     x'' = -2 x' / T - x / T^2 ,    c = x' + x / T ,
@@ -16,7 +16,7 @@
 // moves as MuJoCo's does. T = 0 has every body arrive at the end of the step.
 //
 // Within a step its velocity is linear about the mean v_n, with the acceleration a_n of
-// mocap_jumps.hpp.
+// mocap_bodies.hpp.
 //
 // Contacts see a_n along the gap and of sliding, as an acceleration of their surfaces
 // (ContactInput::surface_acceleration) about v_n. Spin and rolling of contacts, equalities and
@@ -31,7 +31,6 @@
 #include <vector>
 
 #include "dashpot/mujoco/mocap_bodies.hpp"
-#include "dashpot/mujoco/mocap_places.hpp"
 #include "dashpot/rows/memory.hpp"
 
 struct mjModel_;
@@ -61,7 +60,7 @@ struct MocapBuffers {
   std::vector<ConstraintInput> constraints;
 };
 
-// These bodies during a step, at whose end they are where they were told to be (mocap_places.hpp).
+// These bodies during a step, at whose end they are where they were told to be (mocap_bodies.hpp).
 class MocapMotion {
  public:
   // `moves` false: bodies are at once where they are told to be, without motion, as in MuJoCo.

@@ -88,8 +88,8 @@ enum class RowKind {
 // One scalar constraint as MuJoCo instantiates it.
 struct ConstraintInput {
   RowKind kind = RowKind::kUnilateral;
-  int source = 0;                   // row in mjData.efc_*, below 0 of dampers (row_dampers.hpp)
-  int memory = 0;                   // index of its memory, fixed by the model; -1 for none
+  int source = 0;  // row in mjData.efc_*, below 0 of dampers (springs_and_dampers.hpp)
+  int memory = 0;  // index of its memory, fixed by the model; -1 for none
   std::array<int, 2> tree{-1, -1};  // the second one is -1 where there is but one
   double position = 0.0;            // gap of a limit, error of an equality; m or rad
   double drive = 0.0;               // rate at which mocap bodies change the position, m/s or rad/s
@@ -166,7 +166,7 @@ struct RowGroup {
   // The limit of one end of a joint's range; that of the other is a group too, and one at most of
   // them is pressed.
   bool is_end_of_range = false;
-  bool is_damper = false;  // row_dampers.hpp
+  bool is_damper = false;  // springs_and_dampers.hpp
 
   // False of a contact apart that nothing can close, since no joint moves its bodies along the
   // normal: it belongs to no island.

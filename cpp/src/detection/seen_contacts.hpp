@@ -7,7 +7,7 @@
 
 #include <array>
 
-#include "dashpot/detection/contact_motion.hpp"
+#include "contact_motion.hpp"
 #include "dashpot/rows/rows.hpp"
 
 namespace dashpot::host {

@@ -13,11 +13,11 @@
 
 #include <mujoco/mujoco.h>
 
-#include "dashpot/detection/contact_motion.hpp"
-#include "dashpot/detection/far_pair.hpp"
-#include "dashpot/detection/lone_pairs.hpp"
-#include "dashpot/detection/seen_contacts.hpp"
+#include "contact_motion.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "far_pair.hpp"
+#include "lone_pairs.hpp"
+#include "seen_contacts.hpp"
 
 namespace dashpot::host {
 

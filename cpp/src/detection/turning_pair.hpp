@@ -5,13 +5,13 @@
 
 #include <mujoco/mujoco.h>
 
-#include "dashpot/detection/contact_motion.hpp"
-#include "dashpot/detection/far_pair.hpp"
-#include "dashpot/detection/lone_pairs.hpp"
-#include "dashpot/detection/pair_ahead.hpp"
-#include "dashpot/detection/pair_hits.hpp"
+#include "contact_motion.hpp"
 #include "dashpot/detection/turning_step.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "far_pair.hpp"
+#include "lone_pairs.hpp"
+#include "pair_ahead.hpp"
+#include "pair_hits.hpp"
 
 namespace dashpot::host {
 

@@ -9,10 +9,10 @@
 
 #pragma once
 
-#include "dashpot/detection/contact_motion.hpp"
-#include "dashpot/detection/lone_pairs.hpp"
+#include "contact_motion.hpp"
 #include "dashpot/detection/turning_step.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "lone_pairs.hpp"
 
 namespace dashpot::host {
 

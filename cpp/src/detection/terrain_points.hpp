@@ -12,8 +12,8 @@
 
 #pragma once
 
-#include "dashpot/detection/geom_on_terrain.hpp"
 #include "dashpot/geometry/terrain_contacts.hpp"
+#include "geom_on_terrain.hpp"
 
 namespace dashpot::host {
 

@@ -7,10 +7,10 @@
 
 #pragma once
 
-#include "dashpot/detection/contact_motion.hpp"
-#include "dashpot/detection/lone_pairs.hpp"
-#include "dashpot/detection/seen_contacts.hpp"
+#include "contact_motion.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "lone_pairs.hpp"
+#include "seen_contacts.hpp"
 
 namespace dashpot::host {
 

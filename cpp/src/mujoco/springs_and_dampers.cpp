@@ -1,18 +1,31 @@
-#include "dashpot/mujoco/row_dampers.hpp"
+#include "dashpot/mujoco/springs_and_dampers.hpp"
 
 #include <mujoco/mujoco.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/jacobians.hpp"
 #include "dashpot/mujoco/sleep.hpp"
+#include "discrete.hpp"
 
 namespace dashpot::host {
 
 namespace {
+
+double stiffness_of(const mjModel* m, int dof) {
+  const int joint = m->dof_jntid[dof];
+  const bool single = m->jnt_type[joint] == mjJNT_SLIDE || m->jnt_type[joint] == mjJNT_HINGE;
+  if (!single || is_discrete(m) || (m->opt.disableflags & mjDSBL_SPRING)) return 0.0;
+  const mjtNum* high_order = m->jnt_stiffnesspoly + mjNPOLY * joint;
+  const bool linear =
+      std::all_of(high_order, high_order + mjNPOLY, [](mjtNum value) { return value == 0.0; });
+  return linear ? m->jnt_stiffness[joint] : 0.0;
+}
 
 constexpr double kWeak = 0.05;  // d w H up to which none is a row; fourteen edges meet in a vertex
 constexpr int kMostTrees = 2;   // of a row
@@ -80,7 +93,26 @@ void write(mjModel* m, const RowDamper& damper, double scale) {
   m->flex_edgedamping[flex] = scale * c;
 }
 
+// Reciprocal condition of M + h D from which on MuJoCo's own solution is rounding.
+constexpr double kSingularDerivatives = 1e-14;
+
 }  // namespace
+
+void find_joint_springs(const mjModel_* m, Trees& trees) {
+  for (Tree& t : trees.tree) {
+    t.sprung = false;
+    for (int i = 0; i < t.dof_count && !t.free_body; ++i)
+      trees.stiffness[t.begin + i] = stiffness_of(m, t.dof_begin + i);
+  }
+}
+
+double joint_spring_force(const mjModel_* m, const mjData_* d, int dof) {
+  if (is_discrete(m)) return d->qfrc_spring[dof];
+  const double stiffness = stiffness_of(m, dof);
+  if (stiffness == 0.0) return 0.0;
+  const int place = m->jnt_qposadr[m->dof_jntid[dof]];
+  return stiffness * (m->qpos_spring[place] - d->qpos[place]);
+}
 
 DampersInRows::DampersInRows(mjModel_* m, bool any, std::vector<RowDamper>& dampers)
     : model_(m), dampers_(dampers) {
@@ -124,6 +156,44 @@ SparseRow damper_row(const mjModel_* m, const mjData_* d, int source) {
 double damper_inverse_mass(const mjModel_* m, int source) {
   return is_tendon(m, source) ? m->tendon_invweight0[tendon_of(source)]
                               : m->flexedge_invweight0[edge_of(m, source)];
+}
+
+void keep_what_damps(const mjModel_* m, mjData_* d, int tree) {
+  const int begin = m->tree_dofadr[tree], end = begin + m->tree_dofnum[tree];
+  thread_local std::vector<double> size;  // kept by the thread: a step allocates nothing
+  size.assign(end - begin, 0.0);
+  for (int i = begin; i < end; ++i)
+    for (int k = m->M_rowadr[i]; k < m->M_rowadr[i] + m->M_rownnz[i]; ++k) {
+      mjtNum& entry = d->qDeriv[m->mapD2M[k]];
+      const int j = m->M_colind[k];
+      size[i - begin] += std::abs(entry);
+      if (i != j) size[j - begin] += std::abs(entry);
+      entry = 0.0;
+    }
+  // The diagonal is the last of a row.
+  for (int i = begin; i < end; ++i)
+    d->qDeriv[m->mapD2M[m->M_rowadr[i] + m->M_rownnz[i] - 1]] = -size[i - begin];
+}
+
+bool solve_whole(const mjModel_* m, const mjData_* d, const Tree& t, double* acceleration) {
+  thread_local Eigen::MatrixXd inertia;  // kept by the thread: a step allocates nothing
+  inertia.setZero(t.dof_count, t.dof_count);
+  for (int i = 0; i < t.dof_count; ++i) {
+    const int dof = t.dof_begin + i;
+    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
+      const int j = m->M_colind[k] - t.dof_begin;
+      inertia(i, j) += d->M[k];
+      if (i != j) inertia(j, i) += d->M[k];
+    }
+    for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
+      inertia(i, m->D_colind[k] - t.dof_begin) -= m->opt.timestep * d->qDeriv[k];
+  }
+  const Eigen::PartialPivLU<Eigen::Ref<Eigen::MatrixXd>> factors(inertia);
+  if (!(factors.rcond() > kSingularDerivatives)) return false;
+  using Force = Eigen::Map<const Eigen::VectorXd>;
+  Eigen::Map<Eigen::VectorXd>(acceleration, t.dof_count) =
+      factors.solve(Force(d->qfrc_smooth + t.dof_begin, t.dof_count));
+  return true;
 }
 
 }  // namespace dashpot::host
