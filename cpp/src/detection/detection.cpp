@@ -198,8 +198,8 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
   leave_out_sleeping(m, d, false);
   read_loadable(m, d, detection, contacts, team);
   leave_out_sleeping(m, d, true);
-  drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.faces, detection.seams,
-                         contacts);
+  drop_ghost_contacts(m, d, detection.buffers.start_reach, detection.faces,
+                      detection.internal_edges, contacts);
   read_constraints(m, d, constraints);
   append_dampers(m, d, detection.dampers, constraints);
   d->nisland = 0;  // as where MuJoCo's islands are disabled; they are for its own solvers

@@ -103,8 +103,8 @@ void TurningPair::freeze(FaceBuffers& faces) {
   if (first_->frozen == Frozen::kAtImpact) return freeze_after_impact(faces, *first_);
   for (ContactInput* contact = first_; contact != last_; ++contact) {
     if (comes(*contact) && freeze_where_it_is_met(faces, *contact)) continue;
-    // At a seam the middle may be beyond the edge, where the other geom's face goes on.
-    if (stays_ || contact->is_at_seam()) continue;
+    // At an internal edge the middle may be beyond the edge, where the other geom's face goes on.
+    if (stays_ || contact->is_at_internal_edge()) continue;
     if (const ContactInput* then = in_its_time(faces, *contact)) take_geometry(*then, *contact);
   }
 }

@@ -221,7 +221,7 @@ void Islands::take_bounds(int tree, const Trees& trees, CoupledSum::Room& room) 
     b.coupling = {all, all, all};
     return;
   }
-  const double normal = rigid_normal_.hand_over(trees, tree, rigid_friction_, room);
+  const double normal = rigid_normal_.replace(trees, tree, rigid_friction_, room);
   b.rigid = rigid_friction_.take_bound(trees, tree, room);
   b.coupling = split_coupling(b.rigid / b.rigid_share(), normal / b.rigid_share());
 }

@@ -1,5 +1,5 @@
-// What bodies rest on in a step, or may come to rest on, by its contacts: where seams between geoms
-// are looked for (detection/seams.hpp).
+// What bodies rest on in a step, or may come to rest on, by its contacts: where internal edges
+// between geoms are looked for (detection/internal_edges.hpp).
 
 #pragma once
 
@@ -19,7 +19,7 @@ inline constexpr double kSameNormal = 0.9999;
 // Depths: those of one body under its load differ by less.
 inline constexpr double kDepths = 1.5;
 // Fraction of the smaller geom's radius that counts as motion in a step.
-inline constexpr double kSeamMotion = 1e-5;
+inline constexpr double kEdgeMotion = 1e-5;
 
 // Whether a geom is round, and another one has flat faces.
 bool rolls_on(const mjModel_* m, int geom, int other);

@@ -6,10 +6,10 @@
 
 #include "dashpot/detection/candidates.hpp"
 #include "dashpot/detection/geom_faces.hpp"
+#include "dashpot/detection/internal_edges.hpp"
 #include "dashpot/detection/narrowing.hpp"
 #include "dashpot/detection/narrowphase.hpp"
 #include "dashpot/detection/reach.hpp"
-#include "dashpot/detection/seams.hpp"
 #include "dashpot/detection/workplaces.hpp"
 #include "dashpot/mujoco/springs_and_dampers.hpp"
 #include "dashpot/rows/rows.hpp"
@@ -33,7 +33,7 @@ struct Detection {
   Narrowing narrowing;
   CandidatePairs candidates;
   Narrowphase narrowphase;
-  SeamBuffers seams;
+  InternalEdgeBuffers internal_edges;
   Workplaces workplaces;
   std::vector<char> may_be_loaded;  // by contact found
   std::vector<RowDamper> dampers;   // that act as rows

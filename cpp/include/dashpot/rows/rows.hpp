@@ -37,9 +37,10 @@ struct ContactInput {
   int source = 0;                   // index in the list of detected contacts
   std::array<int, 2> geom{};        // ids; -1 - id for a flex
   std::array<int, 2> tree{-1, -1};  // trees of the two bodies, -1 for static ones
-  // Geoms whose contacts with geom 1 at a seam it takes over, else -1.
-  std::array<int, 3> takes_over{-1, -1, -1};
-  // Side of the geom whose surface another one continues, see detection/seams.hpp, else -1.
+  // Geoms whose contacts with geom 1 at an internal edge it takes over, else -1.
+  std::array<int, 3> replaced{-1, -1, -1};
+  // Side of the geom whose surface another one continues, see detection/internal_edges.hpp, else
+  // -1.
   int continued = -1;
   int dim = 1;                       // rows: 1, 3, 4 or 6
   double gap = 0.0;                  // m, distance less margin
@@ -67,7 +68,7 @@ struct ContactInput {
   std::array<std::array<double, 3>, 2> local_position{};
   std::array<double, 9> rotation{};
 
-  bool is_at_seam() const { return takes_over[0] >= 0; }
+  bool is_at_internal_edge() const { return replaced[0] >= 0; }
   bool is_of_pair(const std::array<int, 2>& of) const {
     return geom[0] == of[0] && geom[1] == of[1];
   }

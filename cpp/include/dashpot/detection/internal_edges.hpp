@@ -1,4 +1,4 @@
-// Contacts at the seams between geoms.
+// Contacts at the internal edges between geoms.
 //
 // A body that slides from one tile of a floor to the next is pressed into the first a hair's
 // breadth deeper than the edge of the second begins, and detection ahead finds its front about to
@@ -16,11 +16,11 @@
 // is pressed into what bears it, and that into the next. What the other one continues is not seen
 // in the middle of the step past its end (detection/far_pair.hpp).
 //
-// What rolls over a seam is for a while in touch with the face of one tile and the edge of the
-// other, in one place: two springs, of which the one ahead begins without compression. Of balls,
-// ellipsoids, capsules and cylinders, and tiles that are geoms of one body, only the deeper contact
-// stays, and takes over what the other remembers (ContactInput::takes_over), unless the other face
-// lies beneath: a core bears what is pressed through a skin.
+// What rolls over an internal edge is for a while in touch with the face of one tile and the edge
+// of the other, in one place: two springs, of which the one ahead begins without compression. Of
+// balls, ellipsoids, capsules and cylinders, and tiles that are geoms of one body, only the deeper
+// contact stays, and takes over what the other remembers (ContactInput::replaced), unless the other
+// face lies beneath: a core bears what is pressed through a skin.
 
 #pragma once
 
@@ -36,16 +36,16 @@ struct mjData_;
 namespace dashpot::host {
 
 // Kept from step to step: a step allocates nothing.
-struct SeamBuffers {
+struct InternalEdgeBuffers {
   BearerBuffers bearers;
-  std::vector<char> at_seam;   // by contact
-  std::vector<int> successor;  // by contact of a pair
+  std::vector<char> at_internal_edge;  // by contact
+  std::vector<int> successor;          // by contact of a pair
 };
 
 // Drops the first kind of contacts of geoms that come nearer, and the second kind of all.
 // `start_reach` (m): how far each geom can move in the step with the velocities of its start.
-void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
-                            const std::vector<double>& start_reach, FaceBuffers& faces,
-                            SeamBuffers& buffers, std::vector<ContactInput>& contacts);
+void drop_ghost_contacts(const mjModel_* m, const mjData_* d,
+                         const std::vector<double>& start_reach, FaceBuffers& faces,
+                         InternalEdgeBuffers& buffers, std::vector<ContactInput>& contacts);
 
 }  // namespace dashpot::host

@@ -1,5 +1,5 @@
-// Contacts of bodies that pass over the seam to the next tile: which of them are none
-// (detection/seams.hpp).
+// Contacts of bodies that pass over the internal edge to the next tile: which of them are none
+// (detection/internal_edges.hpp).
 
 #pragma once
 
@@ -10,14 +10,14 @@
 
 namespace dashpot::host {
 
-class SeamPasses {
+class EdgePasses {
  public:
-  SeamPasses(const mjModel_* m, const mjData_* d, const Bearers& bearers, FaceBuffers& faces)
+  EdgePasses(const mjModel_* m, const mjData_* d, const Bearers& bearers, FaceBuffers& faces)
       : m_(m), d_(d), bearers_(bearers), faces_(faces) {}
 
-  // The contact with what bears a geom up to the seam that a contact is at, and the side of that
-  // geom; none where it is at none.
-  ContactSide before_seam(const ContactInput& contact);
+  // The contact with what bears a geom up to the internal edge that a contact is at, and the side
+  // of that geom; none where it is at none.
+  ContactSide before_edge(const ContactInput& contact);
 
  private:
   // How far (m) geoms overlap, negative where they are apart, and how fast (m/s) that grows.

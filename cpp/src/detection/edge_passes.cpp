@@ -1,4 +1,4 @@
-#include "seam_passes.hpp"
+#include "edge_passes.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -67,18 +67,19 @@ bool lies_beneath(const Vector3d& highest, const Vector3d& up, const ContactInpu
 
 }  // namespace
 
-ContactSide SeamPasses::before_seam(const ContactInput& contact) {
+ContactSide EdgePasses::before_edge(const ContactInput& contact) {
   const bool may_pass[2] = {may_pass_over(contact, 0), may_pass_over(contact, 1)};
   if (!may_pass[0] && !may_pass[1]) return {};
   // What touches already does so at the rate of the start; what comes may be turned by others.
   if (contact.gap <= 0.0 &&
-      m_->opt.timestep * bearers_.closing(contact) <= kSeamMotion * contact_radius(m_, contact))
+      m_->opt.timestep * bearers_.closing(contact) <= kEdgeMotion * contact_radius(m_, contact))
     return {};
   for (int side = 0; side < 2; ++side) {
     if (!may_pass[side]) continue;
     const int body = bearers_.body_of(contact, side), other = bearers_.body_of(contact, 1 - side);
     // What all the world's contacts are with is not looked through for each of them: of what
-    // rests on a static body, only the body of the other geom can be at a seam with itself.
+    // rests on a static body, only the body of the other geom can be at an internal edge with
+    // itself.
     const bool is_static = m_->body_weldid[body] == 0;
     for (ContactSide at = bearers_.first(is_static ? other : body); at.index >= 0;
          at = bearers_.next(at)) {
@@ -92,13 +93,13 @@ ContactSide SeamPasses::before_seam(const ContactInput& contact) {
 }
 
 // Whether there may be a face or a straight side beneath the geom on `side`, which has an end.
-bool SeamPasses::may_pass_over(const ContactInput& contact, int side) const {
+bool EdgePasses::may_pass_over(const ContactInput& contact, int side) const {
   const int type = m_->geom_type[contact.geom[1 - side]];
   return (has_faces(type) || has_round_side(type)) && is_bounded(m_, contact.geom[side]);
 }
 
 // Whether the geom on `side` passes over the other one, its body resting on what is across `at`.
-bool SeamPasses::passes(const ContactInput& contact, int side, ContactSide at) {
+bool EdgePasses::passes(const ContactInput& contact, int side, ContactSide at) {
   const ContactInput& rest = bearers_.contact(at);
   const int geom = contact.geom[side], other = contact.geom[1 - side];
   if (rest.geom[1 - at.side] == other) return false;
@@ -142,7 +143,7 @@ bool SeamPasses::passes(const ContactInput& contact, int side, ContactSide at) {
 }
 
 // Along a direction, with a geom whose highest point along that is given; `at`: where they meet.
-SeamPasses::Overlap SeamPasses::overlap_along(int geom, int other, const Vector3d& up,
+EdgePasses::Overlap EdgePasses::overlap_along(int geom, int other, const Vector3d& up,
                                               const Vector3d& highest, const Vector3d& at) const {
   const Vector3d lowest = bearers_.support(geom, -up);
   return {up.dot(highest - lowest),
@@ -151,7 +152,7 @@ SeamPasses::Overlap SeamPasses::overlap_along(int geom, int other, const Vector3
 
 // With a face that is flush along `up`: where the geom comes to it, not at its far end, which may
 // be tilted up. What `rolls` is lifted as it goes along over that.
-SeamPasses::Overlap SeamPasses::overlap_with_flush(int geom, int other, const Vector3d& face,
+EdgePasses::Overlap EdgePasses::overlap_with_flush(int geom, int other, const Vector3d& face,
                                                    const Vector3d& up, const Vector3d& at,
                                                    bool rolls) const {
   const Vector3d highest = bearers_.support(other, up), lowest = bearers_.support(geom, -up);
@@ -168,7 +169,7 @@ SeamPasses::Overlap SeamPasses::overlap_with_flush(int geom, int other, const Ve
 
 // How deep a body is pressed into what bears it along a direction, and that into the next, layer
 // by layer: its face lies so far beneath those beside it that bear nothing.
-double SeamPasses::sag_along(int body, const Vector3d& up, int layers) const {
+double EdgePasses::sag_along(int body, const Vector3d& up, int layers) const {
   if (layers == 0 || m_->body_weldid[body] == 0) return 0.0;
   double sag = 0.0, beneath = 0.0;
   int last = -1;                           // contacts of a pair come one after the other

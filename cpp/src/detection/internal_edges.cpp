@@ -1,4 +1,4 @@
-#include "dashpot/detection/seams.hpp"
+#include "dashpot/detection/internal_edges.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "dashpot/mujoco/properties.hpp"
-#include "seam_passes.hpp"
+#include "edge_passes.hpp"
 
 namespace dashpot::host {
 
@@ -24,24 +24,24 @@ bool has_more_geoms(const mjModel* m, int body) {
 
 // Whether a contact is that of a round geom and a tile: of a geom without flat faces, and of one
 // with some on a body that may have others beside it.
-bool may_roll_over_a_seam(const mjModel* m, const ContactInput& contact) {
+bool may_roll_over_internal_edge(const mjModel* m, const ContactInput& contact) {
   if (contact.is_of_flex() || !rolls_on(m, contact.geom[0], contact.geom[1])) return false;
   const int held_by = m->body_weldid[m->geom_bodyid[contact.geom[1]]];
   return held_by == 0 || has_more_geoms(m, held_by);
 }
 
-// Contacts of round geoms that roll over a seam, which the tile ahead takes over.
-class SeamHandovers {
+// Contacts of round geoms that roll over an internal edge, which the tile ahead takes over.
+class GhostContacts {
  public:
-  SeamHandovers(const mjModel_* m, const mjData_* d, const Bearers& bearers, FaceBuffers& faces,
+  GhostContacts(const mjModel_* m, const mjData_* d, const Bearers& bearers, FaceBuffers& faces,
                 std::vector<ContactInput>& contacts)
       : m_(m), d_(d), bearers_(bearers), faces_(faces), contacts_(contacts) {}
 
   // Where a round geom has left a tile over its edge, with all of its contacts from `first` to
-  // `last` that touch, has others take them over and marks them (`at_seam`). A line across a seam
-  // stays on both sides. `successor`: a buffer.
-  void hand_over(size_t first, size_t last, std::vector<int>& successor,
-                 std::vector<char>& at_seam);
+  // `last` that touch, has others take them over and marks them (`at_internal_edge`). A line across
+  // an internal edge stays on both sides. `successor`: a buffer.
+  void replace(size_t first, size_t last, std::vector<int>& successor,
+               std::vector<char>& at_internal_edge);
 
  private:
   int successor_of(size_t index);
@@ -58,8 +58,8 @@ class SeamHandovers {
   std::vector<ContactInput>& contacts_;
 };
 
-void SeamHandovers::hand_over(size_t first, size_t last, std::vector<int>& successor,
-                              std::vector<char>& at_seam) {
+void GhostContacts::replace(size_t first, size_t last, std::vector<int>& successor,
+                            std::vector<char>& at_internal_edge) {
   successor.clear();
   for (size_t i = first; i < last; ++i) {
     successor.push_back(successor_of(i));
@@ -67,19 +67,19 @@ void SeamHandovers::hand_over(size_t first, size_t last, std::vector<int>& succe
   }
   for (size_t i = first; i < last; ++i) {
     if (successor[i - first] < 0) continue;
-    auto& others = contacts_[successor[i - first]].takes_over;
+    auto& others = contacts_[successor[i - first]].replaced;
     const auto end = std::find(others.begin(), others.end(), -1);
     if (end != others.end() && std::find(others.begin(), end, contacts_[i].geom[1]) == end)
       *end = contacts_[i].geom[1];
-    at_seam[i] = 1;
+    at_internal_edge[i] = 1;
   }
 }
 
 // The contact that a round geom has in the place of this one, but deeper, with another geom of the
 // same body that is flush with the one here; -1 where there is none.
-int SeamHandovers::successor_of(size_t index) {
+int GhostContacts::successor_of(size_t index) {
   const ContactInput& contact = contacts_[index];
-  if (!may_roll_over_a_seam(m_, contact)) return -1;
+  if (!may_roll_over_internal_edge(m_, contact)) return -1;
   const int geom = contact.geom[0], other = contact.geom[1];
   int deepest = -1;
   for (ContactSide at = bearers_.first(bearers_.body_of(contact, 0)); at.index >= 0;
@@ -94,19 +94,19 @@ int SeamHandovers::successor_of(size_t index) {
   return deepest;
 }
 
-// With geoms of other bodies a contact at the seam is one that bears its part.
-bool SeamHandovers::is_fixed_to(int geom, int other) const {
+// With geoms of other bodies a contact at the internal edge is one that bears its part.
+bool GhostContacts::is_fixed_to(int geom, int other) const {
   return m_->body_weldid[m_->geom_bodyid[geom]] == m_->body_weldid[m_->geom_bodyid[other]];
 }
 
 // Whether one of two contacts is deeper, or as deep and the first.
-bool SeamHandovers::is_before(size_t a, size_t b) const {
+bool GhostContacts::is_before(size_t a, size_t b) const {
   return contacts_[a].gap != contacts_[b].gap ? contacts_[a].gap < contacts_[b].gap : a < b;
 }
 
 // A round geom of radius r that overlaps by s does so within sqrt(2 r s) of its lowest point; half
 // as much again is for depths that differ (kDepths).
-bool SeamHandovers::are_in_one_place(const ContactInput& contact, const ContactInput& rest) const {
+bool GhostContacts::are_in_one_place(const ContactInput& contact, const ContactInput& rest) const {
   const Eigen::Map<const Vector3d> a(contact.position.data()), b(rest.position.data());
   const double lens = std::sqrt(2.0 * m_->geom_rbound[rest.geom[0]] * -rest.gap);
   return (a - b).norm() <= kDepths * (lens + bearers_.reach(rest));
@@ -115,21 +115,22 @@ bool SeamHandovers::are_in_one_place(const ContactInput& contact, const ContactI
 // Whether a contact is with a face beneath the one of another contact: a layer of its own, which
 // bears what is pressed through the one above. Over the edge of a tile a normal has turned before
 // depths differ by as much.
-bool SeamHandovers::is_beneath(const ContactInput& contact, const ContactInput& rest) const {
+bool GhostContacts::is_beneath(const ContactInput& contact, const ContactInput& rest) const {
   double cosine = 0.0;
   for (int i = 0; i < 3; ++i) cosine += contact.frame[i] * rest.frame[i];
   return cosine > kSameNormal && contact.gap - rest.gap > 2.0 * bearers_.tolerance(rest);
 }
 
 // Whether the face of a geom along the normal of what geom 0 rests on is no higher than that.
-bool SeamHandovers::is_flush(int geom, const ContactInput& rest) {
+bool GhostContacts::is_flush(int geom, const ContactInput& rest) {
   const Vector3d up = -Eigen::Map<const Vector3d>(rest.frame.data());
   if (!has_face_along(m_, d_, geom, up, kSameNormal, faces_)) return false;
   const double overlap = up.dot(bearers_.support(geom, up) - bearers_.support(rest.geom[0], -up));
   return overlap <= kDepths * -rest.gap + bearers_.tolerance(rest);
 }
 
-// Notes on the contacts of a pair that its geom on `side` bears the other one up to a seam.
+// Notes on the contacts of a pair that its geom on `side` bears the other one up to an internal
+// edge.
 void mark_continued(size_t index, int side, std::vector<ContactInput>& contacts) {
   const std::array<int, 2> pair = contacts[index].geom;
   while (index > 0 && contacts[index - 1].is_of_pair(pair)) --index;
@@ -139,39 +140,41 @@ void mark_continued(size_t index, int side, std::vector<ContactInput>& contacts)
 
 }  // namespace
 
-void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
-                            const std::vector<double>& start_reach, FaceBuffers& faces,
-                            SeamBuffers& buffers, std::vector<ContactInput>& contacts) {
+void drop_ghost_contacts(const mjModel_* m, const mjData_* d,
+                         const std::vector<double>& start_reach, FaceBuffers& faces,
+                         InternalEdgeBuffers& buffers, std::vector<ContactInput>& contacts) {
   const auto moves = [&](const ContactInput& c) {
     return !c.is_of_flex() && start_reach[c.geom[0]] + start_reach[c.geom[1]] >
-                                  std::max(c.gap, kSeamMotion * contact_radius(m, c));
+                                  std::max(c.gap, kEdgeMotion * contact_radius(m, c));
   };
-  const auto is_of_round_geom = [&](const ContactInput& c) { return may_roll_over_a_seam(m, c); };
+  const auto is_of_round_geom = [&](const ContactInput& c) {
+    return may_roll_over_internal_edge(m, c);
+  };
   if (std::none_of(contacts.begin(), contacts.end(), moves) &&
       std::none_of(contacts.begin(), contacts.end(), is_of_round_geom))
     return;
   const Bearers bearers(m, d, start_reach, buffers.bearers, contacts);
   // Those to be dropped are found before any is: each may be what another body rests on.
-  std::vector<char>& at_seam = buffers.at_seam;
-  at_seam.assign(contacts.size(), 0);
-  SeamPasses passes(m, d, bearers, faces);
+  std::vector<char>& at_internal_edge = buffers.at_internal_edge;
+  at_internal_edge.assign(contacts.size(), 0);
+  EdgePasses passes(m, d, bearers, faces);
   for (size_t i = 0; i < contacts.size(); ++i) {
     if (!moves(contacts[i])) continue;
-    const ContactSide before = passes.before_seam(contacts[i]);
+    const ContactSide before = passes.before_edge(contacts[i]);
     if (before.index < 0) continue;
-    at_seam[i] = 1;
+    at_internal_edge[i] = 1;
     mark_continued(before.index, 1 - before.side, contacts);
   }
-  SeamHandovers handovers(m, d, bearers, faces, contacts);
+  GhostContacts ghosts(m, d, bearers, faces, contacts);
   // Contacts of a pair come one after the other.
   for (size_t first = 0, last; first < contacts.size(); first = last) {
     last = first + 1;
     while (last < contacts.size() && contacts[last].is_of_pair(contacts[first].geom)) ++last;
-    handovers.hand_over(first, last, buffers.successor, at_seam);
+    ghosts.replace(first, last, buffers.successor, at_internal_edge);
   }
   size_t kept = 0;
   for (size_t i = 0; i < contacts.size(); ++i)
-    if (!at_seam[i]) {
+    if (!at_internal_edge[i]) {
       if (kept != i) contacts[kept] = contacts[i];
       ++kept;
     }
