@@ -2,7 +2,7 @@
 // far trees turn (motion/turning_parts.hpp) and, with impact="cut", where an impact begins
 // (impacts/impact.hpp). What is solved is taken anew where that shows it to be too long: trees are
 // thrown about, or equalities turn far; or where it comes to contacts that detection did not know
-// of (impacts/knock_on.hpp).
+// of (impacts/impact_propagation.hpp).
 
 #include <algorithm>
 
@@ -15,7 +15,7 @@ namespace {
 
 // Times that a part is taken anew for what its impacts bring about: bodies that a blow runs through
 // within one step, at most.
-constexpr int kMostKnockOns = 16;
+constexpr int kMostPropagations = 16;
 
 constexpr int kTreesAtOnce = 64;  // by a thread
 
@@ -26,11 +26,11 @@ void Stepper::Impl::solve_part(mjData_* d, host::StepParts& parts, host::MocapMo
   if (shorten(length_of_turns(d), parts))
     motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
   detect_and_solve(d, parts, mocap);
-  follow_knock_on(d, mocap);
+  propagate_impacts(d, mocap);
   while (shorten(length_of_what_came(), parts)) {
     motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
     detect_and_solve(d, parts, mocap);
-    follow_knock_on(d, mocap);
+    propagate_impacts(d, mocap);
   }
 }
 
@@ -88,17 +88,17 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
 }
 
 // Takes the part anew while its impacts bring about more contacts.
-void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
+void Stepper::Impl::propagate_impacts(mjData_* d, host::MocapMotion& mocap) {
   // Nothing that no row touched has another way than the smooth motion that detection went by.
   const auto any_touched = [&] {
     const std::vector<char>& touched = on_trees.touched;
     return std::find(touched.begin(), touched.end(), 1) != touched.end();
   };
-  for (int turn = 0; turn < kMostKnockOns && any_touched(); ++turn) {
+  for (int turn = 0; turn < kMostPropagations && any_touched(); ++turn) {
     find_mean_velocity();
     find_end_gaps();
-    if (!knock_on.comes_to_more(model, d, mean_velocity, clock.length, contacts, end_gap,
-                                detection.narrowing.pairs(), detection.buffers))
+    if (!propagation.comes_to_more(model, d, mean_velocity, clock.length, contacts, end_gap,
+                                   detection.narrowing.pairs(), detection.buffers))
       return;
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, clock.length, false, data, team);

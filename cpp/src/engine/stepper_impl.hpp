@@ -14,7 +14,7 @@
 #include "dashpot/engine/engine.hpp"
 #include "dashpot/impacts/flight_contacts.hpp"
 #include "dashpot/impacts/impact.hpp"
-#include "dashpot/impacts/knock_on.hpp"
+#include "dashpot/impacts/impact_propagation.hpp"
 #include "dashpot/impacts/middle.hpp"
 #include "dashpot/islands/contact_matching.hpp"
 #include "dashpot/microsteps/microstep.hpp"
@@ -64,7 +64,7 @@ struct Stepper::Impl {
   void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   bool is_rough(const host::StepParts& parts) const;
   void cut_at_impact(mjData_* d, host::StepParts& parts);
-  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
+  void propagate_impacts(mjData_* d, host::MocapMotion& mocap);
   void find_mean_velocity();
   void find_end_gaps();
 
@@ -129,7 +129,7 @@ struct Stepper::Impl {
   StepClock clock;
   Part part;
   FlightContacts flights;
-  KnockOn knock_on;
+  ImpactPropagation propagation;
   std::vector<double> mean_velocity, end_gap;  // (nv); by contact, m
   host::Detection detection;
   const host::FindContacts find_contacts = [this](mjModel_* m, mjData_* d) {

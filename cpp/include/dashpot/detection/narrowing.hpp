@@ -3,8 +3,8 @@
 // The reach of every geom is how far it goes in the world (detection/reach.hpp), but links of a
 // robot go together. A pair is narrowed to how far its geoms may go against each other, at the
 // velocities of both ends of the step. What forces of the step add to that is looked at afterwards
-// (knock_on.hpp); a pair that an impact is known to bring together is looked for by its ways in the
-// world.
+// (impact_propagation.hpp); a pair that an impact is known to bring together is looked for by its
+// ways in the world.
 
 #pragma once
 

@@ -22,7 +22,7 @@ struct ReachBuffers {
   std::vector<double> end_velocity, reach;  // generalized; by geom, m
   std::vector<double> start_reach;          // by geom, m: with the velocities of the start alone
   std::vector<double> dof_reach;            // by degree of freedom, m or rad
-  // What reach covers at least: where rows take geoms and joints, see knock_on.hpp.
+  // What reach covers at least: where rows take geoms and joints, see impact_propagation.hpp.
   std::vector<double> least_reach, least_dof_reach;
   void forget_least();
   // The gap (m) that the model gives two geoms itself, or the <pair> that defines them, if >= 0.

@@ -1,4 +1,4 @@
-#include "dashpot/impacts/knock_on.hpp"
+#include "dashpot/impacts/impact_propagation.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -19,28 +19,29 @@ namespace {
 constexpr double kFarther = 0.05;
 // Fraction of the way by which a known pair may end deeper than its contacts say: rows that turn
 // leave out half of it for each radian.
-constexpr double kSlack = 0.01;
+constexpr double kTolerance = 0.01;
 
 GeomPair sorted(int geom1, int geom2) { return {std::min(geom1, geom2), std::max(geom1, geom2)}; }
 
 }  // namespace
 
-void KnockOn::find_ways(const mjModel_* model, const mjData_* data,
-                        const std::vector<double>& mean_velocity, double length,
-                        const host::ReachBuffers& reach) {
+void ImpactPropagation::find_displacements(const mjModel_* model, const mjData_* data,
+                                           const std::vector<double>& mean_velocity, double length,
+                                           const host::ReachBuffers& reach) {
   host::body_velocities(model, data, mean_velocity.data(), body_velocity_);
   const int geoms = host::geom_count(model);
-  way_.assign(geoms, 0.0);
+  displacement_.assign(geoms, 0.0);
   far_.clear();
   for (int geom = 0; geom < geoms; ++geom) {
     if (!host::moves_and_collides(model, geom)) continue;
-    way_[geom] = length * host::geom_speed(model, data, geom, body_velocity_.data());
-    if (way_[geom] - reach.reach[geom] > kFarther * way_[geom]) far_.push_back(geom);
+    displacement_[geom] = length * host::geom_speed(model, data, geom, body_velocity_.data());
+    if (displacement_[geom] - reach.reach[geom] > kFarther * displacement_[geom])
+      far_.push_back(geom);
   }
 }
 
-void KnockOn::find_astray(const mjModel_* model, const mjData_* data, double length,
-                          const std::vector<host::NarrowedPair>& narrowed) {
+void ImpactPropagation::find_astray(const mjModel_* model, const mjData_* data, double length,
+                                    const std::vector<host::NarrowedPair>& narrowed) {
   astray_.clear();
   for (const host::NarrowedPair& pair : narrowed) {
     const auto [geom1, geom2] = pair.geom;
@@ -51,8 +52,8 @@ void KnockOn::find_astray(const mjModel_* model, const mjData_* data, double len
   }
 }
 
-void KnockOn::find_known(const std::vector<ContactInput>& contacts,
-                         const std::vector<double>& end_gap) {
+void ImpactPropagation::find_known(const std::vector<ContactInput>& contacts,
+                                   const std::vector<double>& end_gap) {
   known_.clear();
   asked_ = far_;
   for (const Astray& pair : astray_)
@@ -74,8 +75,8 @@ void KnockOn::find_known(const std::vector<ContactInput>& contacts,
 
 // Whether two geoms overlap where their ways lead, unknown to their contacts. Those without any are
 // seen as detection would: along the normal through their nearest points.
-bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int geom2, double margin,
-                    double way, double length) {
+bool ImpactPropagation::meets(const mjModel_* model, const mjData_* data, int geom1, int geom2,
+                              double margin, double way, double length) {
   if (!has_shape(model, geom1) || !has_shape(model, geom2)) return false;
   const double unknown = host::unknown_overlap(model, geom1, geom2);
   const int geom[2] = {geom1, geom2};
@@ -107,7 +108,7 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
                                      [](const GeomPair& p, const Known& k) { return p < k.geom; });
   if (last - known >= host::most_contacts(model, geom1, geom2)) return false;
   for (int side = 0; side < 2; ++side) pose[side] = advance(pose[side], motion[side], length);
-  const double deepest = std::min(0.0, known->end_gap) - std::max(kSlack * way, unknown);
+  const double deepest = std::min(0.0, known->end_gap) - std::max(kTolerance * way, unknown);
   if (has_core(*shape[0]) && has_core(*shape[1])) {
     const Eigen::Vector3d normal = Eigen::Map<const Eigen::Vector3d>(known->contact->frame.data());
     const double sign = known->contact->geom[0] == geom1 ? 1.0 : -1.0;
@@ -117,30 +118,31 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
   return distance(*shape[0], pose[0], *shape[1], pose[1]).distance - margin < deepest;
 }
 
-bool KnockOn::comes_to_more(const mjModel_* model, const mjData_* data,
-                            const std::vector<double>& mean_velocity, double length,
-                            const std::vector<ContactInput>& contacts,
-                            const std::vector<double>& end_gap,
-                            const std::vector<host::NarrowedPair>& narrowed,
-                            host::ReachBuffers& reach) {
-  find_ways(model, data, mean_velocity, length, reach);
+bool ImpactPropagation::comes_to_more(const mjModel_* model, const mjData_* data,
+                                      const std::vector<double>& mean_velocity, double length,
+                                      const std::vector<ContactInput>& contacts,
+                                      const std::vector<double>& end_gap,
+                                      const std::vector<host::NarrowedPair>& narrowed,
+                                      host::ReachBuffers& reach) {
+  find_displacements(model, data, mean_velocity, length, reach);
   bool more = host::comes_to_limit(model, data, mean_velocity, length, reach);
   find_astray(model, data, length, narrowed);
   if (far_.empty() && astray_.empty()) return more;
   find_known(contacts, end_gap);
   const auto widen = [&](int geom1, int geom2) {
     for (int geom : {geom1, geom2})
-      reach.least_reach[geom] = std::max(reach.least_reach[geom], way_[geom]);
+      reach.least_reach[geom] = std::max(reach.least_reach[geom], displacement_[geom]);
     more = true;
   };
   for (const Astray& pair : astray_)
     if (meets(model, data, pair.geom[0], pair.geom[1], pair.margin, pair.way, length))
       widen(pair.geom[0], pair.geom[1]);
   if (far_.empty()) return more;
-  partners_.start(model, data, way_, reach.reach);
+  partners_.start(model, data, displacement_, reach.reach);
   for (int geom : far_) {
     for (const auto& [other, margin] : partners_.of(geom))
-      if (meets(model, data, geom, other, margin, way_[geom] + way_[other], length))
+      if (meets(model, data, geom, other, margin, displacement_[geom] + displacement_[other],
+                length))
         widen(geom, other);
   }
   return more;

@@ -27,7 +27,7 @@ struct mjData_;
 namespace dashpot {
 
 // Keeps its arrays from step to step.
-class KnockOn {
+class ImpactPropagation {
  public:
   // Whether motion at `mean_velocity` (nv) over a step of `length` (s) comes to contacts or limits
   // that are not among `contacts`, whose gaps at its end are `end_gap`, or were not within `reach`,
@@ -49,9 +49,9 @@ class KnockOn {
     double end_gap = 0.0;
     const ContactInput* contact = nullptr;
   };
-  void find_ways(const mjModel_* model, const mjData_* data,
-                 const std::vector<double>& mean_velocity, double length,
-                 const host::ReachBuffers& reach);
+  void find_displacements(const mjModel_* model, const mjData_* data,
+                          const std::vector<double>& mean_velocity, double length,
+                          const host::ReachBuffers& reach);
   void find_astray(const mjModel_* model, const mjData_* data, double length,
                    const std::vector<host::NarrowedPair>& narrowed);
   void find_known(const std::vector<ContactInput>& contacts, const std::vector<double>& end_gap);
@@ -59,9 +59,9 @@ class KnockOn {
              double way, double length);
 
   GeomShapes shapes_;
-  std::vector<double> body_velocity_, way_;  // spatial; by geom, m
-  std::vector<int> far_;                     // geoms that went beyond their reach, ascending
-  host::Partners partners_;                  // of these
+  std::vector<double> body_velocity_, displacement_;  // spatial; by geom, m
+  std::vector<int> far_;     // geoms that went beyond their reach, ascending
+  host::Partners partners_;  // of these
   std::vector<Astray> astray_;
   std::vector<int> asked_;    // geoms of either, ascending
   std::vector<Known> known_;  // of these, sorted by geoms, the deepest of each first
