@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "dashpot/islands/group_material.hpp"
+#include "dashpot/islands/inactive_contacts.hpp"
 #include "dashpot/islands/island_hits.hpp"
 #include "dashpot/islands/islands.hpp"
-#include "dashpot/islands/open_groups.hpp"
 #include "dashpot/islands/pressed_between.hpp"
 #include "dashpot/islands/pressed_together.hpp"
 #include "dashpot/islands/sag_times.hpp"
@@ -44,7 +44,7 @@ class RowPlan {
   SagTimes sag_times_;
   PressedBetween pressed_between_;
   PressedTogether pressed_together_;
-  OpenGroups open_groups_;
+  InactiveContacts inactive_contacts_;
   TiedMass tied_mass_;
 };
 

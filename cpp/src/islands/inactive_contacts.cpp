@@ -1,4 +1,4 @@
-#include "dashpot/islands/open_groups.hpp"
+#include "dashpot/islands/inactive_contacts.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -34,8 +34,9 @@ GapMotion motion_of(const Rows& rows, const RowGroup& c, const RowData& data) {
 
 }  // namespace
 
-void OpenGroups::find(const StepView& step, const Rows& rows, const std::vector<Island>& islands,
-                      int tree_count, const RowData& data) {
+void InactiveContacts::find(const StepView& step, const Rows& rows,
+                            const std::vector<Island>& islands, int tree_count,
+                            const RowData& data) {
   stays_open_.assign(rows.group.size(), 0);
   fastest_.assign(tree_count, kUnasked);
   bool any = false;
@@ -63,8 +64,8 @@ void OpenGroups::find(const StepView& step, const Rows& rows, const std::vector<
 }
 
 // Notes how fast a group's gap closes on those of its trees that have an open one.
-void OpenGroups::find_fastest(const Rows& rows, const RowGroup& c, double length,
-                              const RowData& data) {
+void InactiveContacts::find_fastest(const Rows& rows, const RowGroup& c, double length,
+                                    const RowData& data) {
   const auto is_asked = [&](int tree) {
     return tree >= 0 && fastest_[tree] != kUnasked && fastest_[tree] != kInfinite;
   };

@@ -26,7 +26,7 @@
 namespace dashpot {
 
 // Keeps its arrays from step to step.
-class OpenGroups {
+class InactiveContacts {
  public:
   // From the velocities and smooth accelerations in `data`.
   void find(const StepView& step, const Rows& rows, const std::vector<Island>& islands,
@@ -38,7 +38,7 @@ class OpenGroups {
   static constexpr double kUnasked = -1.0;
   void find_fastest(const Rows& rows, const RowGroup& group, double length, const RowData& data);
 
-  // Per tree, m/s or rad/s: infinite where it flies, kUnasked where it has no open group.
+  // Per tree, m/s or rad/s: infinite where it flies, kUnasked where it has no inactive contact.
   std::vector<double> fastest_;
   std::vector<char> stays_open_;
 };
