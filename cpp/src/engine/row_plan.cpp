@@ -10,14 +10,14 @@ void RowPlan::find(const mjModel_* model, const StepView& step, const Trees& tre
   find_islands(rows, trees);
   read_solref_at_load(step, data.velocity, rows, materials);
   pressed_between_.find(model, step.contacts, rows, materials);
-  sag_times_.find(model, step, rows, data.velocity, team);
+  deflection_limits_.find(model, step, rows, data.velocity, team);
   find_hits(step, rows, islands(), hit_frequency, data);
   inactive_contacts_.find(step, rows, islands(), static_cast<int>(trees.tree.size()), data);
   pressed_together_.find(model, materials, step.contacts, trees, inactive_contacts_.stays_open(),
                          data, step.length, rows);
   tied_mass_.find(step, materials, trees, islands(), pressed_together_.compressions(), data, rows);
   islands_.plan(rows, trees,
-                {materials, sag_times_.of_group(), inactive_contacts_.stays_open(), data,
+                {materials, deflection_limits_.of_group(), inactive_contacts_.stays_open(), data,
                  step.length, resolved, options},
                 team);
 }

@@ -11,7 +11,7 @@
 #include "dashpot/islands/islands.hpp"
 #include "dashpot/islands/pressed_between.hpp"
 #include "dashpot/islands/pressed_together.hpp"
-#include "dashpot/islands/sag_times.hpp"
+#include "dashpot/islands/static_deflection_limits.hpp"
 #include "dashpot/islands/tied_mass.hpp"
 #include "dashpot/law/parameters.hpp"
 #include "dashpot/rows/hit.hpp"
@@ -41,7 +41,7 @@ class RowPlan {
 
  private:
   Islands islands_;
-  SagTimes sag_times_;
+  StaticDeflectionLimits deflection_limits_;
   PressedBetween pressed_between_;
   PressedTogether pressed_together_;
   InactiveContacts inactive_contacts_;

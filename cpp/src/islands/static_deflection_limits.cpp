@@ -1,4 +1,4 @@
-#include "dashpot/islands/sag_times.hpp"
+#include "dashpot/islands/static_deflection_limits.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -18,7 +18,7 @@ constexpr int kGroupsAtOnce = 128;  // by a thread
 
 }  // namespace
 
-void SagTimes::find_dry_friction(const Rows& rows) {
+void StaticDeflectionLimits::find_dry_friction(const Rows& rows) {
   dry_friction_.clear();
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kSlider || c.is_damper || !c.is_of_one_coordinate(0)) continue;
@@ -28,7 +28,7 @@ void SagTimes::find_dry_friction(const Rows& rows) {
   }
 }
 
-void SagTimes::find_heavier(const Rows& rows) {
+void StaticDeflectionLimits::find_heavier(const Rows& rows) {
   heavier_.clear();
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kContact || c.tree[0] < 0 || c.tree[1] < 0) continue;
@@ -40,13 +40,13 @@ void SagTimes::find_heavier(const Rows& rows) {
   }
 }
 
-double SagTimes::heavier_on(const RowGroup& c) const {
+double StaticDeflectionLimits::heavier_on(const RowGroup& c) const {
   if (c.tree[0] >= 0 && c.tree[1] >= 0) return 1.0;
   const int tree = std::max(c.tree[0], c.tree[1]);
   return tree < static_cast<int>(heavier_.size()) ? heavier_[tree] : 1.0;
 }
 
-double SagTimes::held_acceleration(const Rows& rows, const RowGroup& c) const {
+double StaticDeflectionLimits::held_acceleration(const Rows& rows, const RowGroup& c) const {
   if (dry_friction_.empty() || c.pair >= 0) return 0.0;
   double sum = 0.0;
   const int* const column = rows.column.data() + c.column;
@@ -55,17 +55,17 @@ double SagTimes::held_acceleration(const Rows& rows, const RowGroup& c) const {
   return sum * std::sqrt(rows.inverse_mass[c.row]);
 }
 
-void SagTimes::find(const mjModel_* model, const StepView& step, const Rows& rows,
-                    const AlignedDoubles& velocity, Team& team) {
+void StaticDeflectionLimits::find(const mjModel_* model, const StepView& step, const Rows& rows,
+                                  const AlignedDoubles& velocity, Team& team) {
   const double gravity = host::gravity(model);
-  of_group_.assign(rows.group.size(), SagTime());
+  of_group_.assign(rows.group.size(), DeflectionTime());
   find_dry_friction(rows);
   find_heavier(rows);
   if (gravity == 0.0 && dry_friction_.empty()) return;
   team.for_each(static_cast<int>(rows.group.size()), kGroupsAtOnce, [&](int i) {
     const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kContact) return;
-    SagTime& time = of_group_[i];
+    DeflectionTime& time = of_group_[i];
     const double sag = kRigidSag * host::bearing_radius(model, step.contacts[c.input]);
     if (gravity > 0.0) time.weight = std::sqrt(sag / (gravity * heavier_on(c)));
     if (const double held = held_acceleration(rows, c); held > 0.0)

@@ -17,7 +17,7 @@ struct mjModel_;
 namespace dashpot {
 
 // Keeps its arrays from step to step.
-class SagTimes {
+class StaticDeflectionLimits {
  public:
   // Finds the times of every group; the sag is kRigidSag times the smaller body's radius, less
   // if it is thin (host::bearing_radius). Without gravity there is no weight. `velocity`: at the
@@ -26,7 +26,7 @@ class SagTimes {
   void find(const mjModel_* model, const StepView& step, const Rows& rows,
             const AlignedDoubles& velocity, Team& team);
 
-  const std::vector<SagTime>& of_group() const { return of_group_; }
+  const std::vector<DeflectionTime>& of_group() const { return of_group_; }
 
  private:
   void find_dry_friction(const Rows& rows);
@@ -37,7 +37,7 @@ class SagTimes {
   // |A_nd| <= sqrt(w_n w_d) of the contact's normal n and a joint d.
   double held_acceleration(const Rows& rows, const RowGroup& group) const;
 
-  std::vector<SagTime> of_group_;
+  std::vector<DeflectionTime> of_group_;
   std::vector<double> dry_friction_;  // by motion coordinate: limit times sqrt(w_d)
   std::vector<double> heavier_;       // by tree: of what it touches, the largest mass over its own
 };
