@@ -72,19 +72,19 @@ ContactSide EdgePasses::before_edge(const ContactInput& contact) {
   if (!may_pass[0] && !may_pass[1]) return {};
   // What touches already does so at the rate of the start; what comes may be turned by others.
   if (contact.gap <= 0.0 &&
-      m_->opt.timestep * bearers_.closing(contact) <= kEdgeMotion * contact_radius(m_, contact))
+      m_->opt.timestep * supports_.closing(contact) <= kEdgeMotion * contact_radius(m_, contact))
     return {};
   for (int side = 0; side < 2; ++side) {
     if (!may_pass[side]) continue;
-    const int body = bearers_.body_of(contact, side), other = bearers_.body_of(contact, 1 - side);
+    const int body = supports_.body_of(contact, side), other = supports_.body_of(contact, 1 - side);
     // What all the world's contacts are with is not looked through for each of them: of what
     // rests on a static body, only the body of the other geom can be at an internal edge with
     // itself.
     const bool is_static = m_->body_weldid[body] == 0;
-    for (ContactSide at = bearers_.first(is_static ? other : body); at.index >= 0;
-         at = bearers_.next(at)) {
+    for (ContactSide at = supports_.first(is_static ? other : body); at.index >= 0;
+         at = supports_.next(at)) {
       const ContactSide borne{at.index, is_static ? 1 - at.side : at.side};
-      if (bearers_.body_of(bearers_.contact(borne), borne.side) == body &&
+      if (supports_.body_of(supports_.contact(borne), borne.side) == body &&
           passes(contact, side, borne))
         return borne;
     }
@@ -100,16 +100,16 @@ bool EdgePasses::may_pass_over(const ContactInput& contact, int side) const {
 
 // Whether the geom on `side` passes over the other one, its body resting on what is across `at`.
 bool EdgePasses::passes(const ContactInput& contact, int side, ContactSide at) {
-  const ContactInput& rest = bearers_.contact(at);
+  const ContactInput& rest = supports_.contact(at);
   const int geom = contact.geom[side], other = contact.geom[1 - side];
   if (rest.geom[1 - at.side] == other) return false;
   const Vector3d up = -normal_out_of(rest, at.side);
   const Vector3d into = -normal_out_of(contact, side);
   if (into.dot(up) > kSameNormal) return false;
-  const double tolerance = bearers_.tolerance(contact);
+  const double tolerance = supports_.tolerance(contact);
   const double depth =
-      rest.gap > bearers_.tolerance(rest) ? -rest.gap : kDepths * std::max(0.0, -rest.gap);
-  const int tile = bearers_.body_of(rest, 1 - at.side);
+      rest.gap > supports_.tolerance(rest) ? -rest.gap : kDepths * std::max(0.0, -rest.gap);
+  const int tile = supports_.body_of(rest, 1 - at.side);
   const double most_sag =
       m_->body_weldid[tile] == 0 ? 0.0 : kLargestSag * contact_radius(m_, contact);
   const double without_sag = depth + tolerance, most = without_sag + most_sag;
@@ -122,13 +122,13 @@ bool EdgePasses::passes(const ContactInput& contact, int side, ContactSide at) {
   if (reach > (rolls ? kTiltedChord * between.norm() : 0.0)) return false;
   // Up to which overlap at the end of the step the geom passes.
   const auto is_low = [&](const Overlap& overlap) {
-    const double growth = std::max(0.0, overlap.rate - bearers_.closing(rest));
+    const double growth = std::max(0.0, overlap.rate - supports_.closing(rest));
     const double then = std::max(overlap.now + m_->opt.timestep * growth, -contact.gap);
     if (then <= without_sag) return true;
     const double sag = most_sag > 0.0 ? std::min(most_sag, sag_along(tile, up, kLayers)) : 0.0;
     return then <= without_sag + sag;
   };
-  const Vector3d met = point_on(contact, 1 - side), highest = bearers_.support(other, up);
+  const Vector3d met = point_on(contact, 1 - side), highest = supports_.support_point(other, up);
   const std::optional<Vector3d> face =
       face_normal_along(m_, d_, other, up, rolls ? kTilted : kSameNormal, faces_);
   if (face && face->dot(up) > kSameNormal)
@@ -139,15 +139,15 @@ bool EdgePasses::passes(const ContactInput& contact, int side, ContactSide at) {
   if (depth > kLargestSag * contact_radius(m_, contact)) return false;
   // Of a face that is tilted farther, across its plane: along the normal of the one before what
   // rolls on both is higher beside its lowest point.
-  return is_low(overlap_along(geom, other, *face, bearers_.support(other, *face), met));
+  return is_low(overlap_along(geom, other, *face, supports_.support_point(other, *face), met));
 }
 
 // Along a direction, with a geom whose highest point along that is given; `at`: where they meet.
 EdgePasses::Overlap EdgePasses::overlap_along(int geom, int other, const Vector3d& up,
                                               const Vector3d& highest, const Vector3d& at) const {
-  const Vector3d lowest = bearers_.support(geom, -up);
+  const Vector3d lowest = supports_.support_point(geom, -up);
   return {up.dot(highest - lowest),
-          bearers_.rate_along(other, up, at) - bearers_.rate_along(geom, up, lowest)};
+          supports_.rate_along(other, up, at) - supports_.rate_along(geom, up, lowest)};
 }
 
 // With a face that is flush along `up`: where the geom comes to it, not at its far end, which may
@@ -155,14 +155,15 @@ EdgePasses::Overlap EdgePasses::overlap_along(int geom, int other, const Vector3
 EdgePasses::Overlap EdgePasses::overlap_with_flush(int geom, int other, const Vector3d& face,
                                                    const Vector3d& up, const Vector3d& at,
                                                    bool rolls) const {
-  const Vector3d highest = bearers_.support(other, up), lowest = bearers_.support(geom, -up);
+  const Vector3d highest = supports_.support_point(other, up),
+                 lowest = supports_.support_point(geom, -up);
   Overlap overlap = overlap_along(geom, other, up, highest, highest);
-  overlap.now = face.dot(bearers_.support(other, face) - at) + up.dot(at - lowest);
+  overlap.now = face.dot(supports_.support_point(other, face) - at) + up.dot(at - lowest);
   if (!rolls) return overlap;
   const Eigen::Map<const Vector3d> centre(d_->geom_xpos + 3 * geom);
   const Vector3d along = face - face.dot(up) * up;
   const double rise =
-      bearers_.rate_along(other, along, at) - bearers_.rate_along(geom, along, centre);
+      supports_.rate_along(other, along, at) - supports_.rate_along(geom, along, centre);
   overlap.rate += std::max(0.0, rise) / face.dot(up);
   return overlap;
 }
@@ -175,13 +176,13 @@ double EdgePasses::sag_along(int body, const Vector3d& up, int layers) const {
   int last = -1;                           // contacts of a pair come one after the other
   const int root = m_->body_rootid[body];  // wheels and legs bear what they are jointed to
   for (int part = root; part < m_->nbody && m_->body_rootid[part] == root; ++part)
-    for (ContactSide at = bearers_.first(part); at.index >= 0; at = bearers_.next(at)) {
-      const ContactInput& rest = bearers_.contact(at);
-      const int bearer = bearers_.body_of(rest, 1 - at.side);
-      if (rest.gap >= 0.0 || m_->body_rootid[bearer] == root) continue;
+    for (ContactSide at = supports_.first(part); at.index >= 0; at = supports_.next(at)) {
+      const ContactInput& rest = supports_.contact(at);
+      const int support = supports_.body_of(rest, 1 - at.side);
+      if (rest.gap >= 0.0 || m_->body_rootid[support] == root) continue;
       if (-normal_out_of(rest, at.side).dot(up) < kSameNormal) continue;
-      if (bearer != last) beneath = sag_along(bearer, up, layers - 1);
-      last = bearer;
+      if (support != last) beneath = sag_along(support, up, layers - 1);
+      last = support;
       sag = std::max(sag, kDepths * -rest.gap + beneath);
     }
   return sag;

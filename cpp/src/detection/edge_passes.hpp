@@ -5,15 +5,15 @@
 
 #include <Eigen/Core>
 
-#include "dashpot/detection/bearers.hpp"
 #include "dashpot/detection/geom_faces.hpp"
+#include "dashpot/detection/supports.hpp"
 
 namespace dashpot::host {
 
 class EdgePasses {
  public:
-  EdgePasses(const mjModel_* m, const mjData_* d, const Bearers& bearers, FaceBuffers& faces)
-      : m_(m), d_(d), bearers_(bearers), faces_(faces) {}
+  EdgePasses(const mjModel_* m, const mjData_* d, const Supports& supports, FaceBuffers& faces)
+      : m_(m), d_(d), supports_(supports), faces_(faces) {}
 
   // The contact with what bears a geom up to the internal edge that a contact is at, and the side
   // of that geom; none where it is at none.
@@ -36,7 +36,7 @@ class EdgePasses {
 
   const mjModel_* m_;
   const mjData_* d_;
-  const Bearers& bearers_;
+  const Supports& supports_;
   FaceBuffers& faces_;
 };
 

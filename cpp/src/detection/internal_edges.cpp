@@ -33,9 +33,9 @@ bool may_roll_over_internal_edge(const mjModel* m, const ContactInput& contact) 
 // Contacts of round geoms that roll over an internal edge, which the tile ahead takes over.
 class GhostContacts {
  public:
-  GhostContacts(const mjModel_* m, const mjData_* d, const Bearers& bearers, FaceBuffers& faces,
+  GhostContacts(const mjModel_* m, const mjData_* d, const Supports& supports, FaceBuffers& faces,
                 std::vector<ContactInput>& contacts)
-      : m_(m), d_(d), bearers_(bearers), faces_(faces), contacts_(contacts) {}
+      : m_(m), d_(d), supports_(supports), faces_(faces), contacts_(contacts) {}
 
   // Where a round geom has left a tile over its edge, with all of its contacts from `first` to
   // `last` that touch, has others take them over and marks them (`at_internal_edge`). A line across
@@ -53,7 +53,7 @@ class GhostContacts {
 
   const mjModel_* m_;
   const mjData_* d_;
-  const Bearers& bearers_;
+  const Supports& supports_;
   FaceBuffers& faces_;
   std::vector<ContactInput>& contacts_;
 };
@@ -82,9 +82,9 @@ int GhostContacts::successor_of(size_t index) {
   if (!may_roll_over_internal_edge(m_, contact)) return -1;
   const int geom = contact.geom[0], other = contact.geom[1];
   int deepest = -1;
-  for (ContactSide at = bearers_.first(bearers_.body_of(contact, 0)); at.index >= 0;
-       at = bearers_.next(at)) {
-    const ContactInput& rest = bearers_.contact(at);
+  for (ContactSide at = supports_.first(supports_.body_of(contact, 0)); at.index >= 0;
+       at = supports_.next(at)) {
+    const ContactInput& rest = supports_.contact(at);
     const bool of_geom = at.side == 0 && rest.geom[0] == geom && rest.geom[1] != other;
     if (!of_geom || rest.gap >= 0.0 || !is_fixed_to(rest.geom[1], other)) continue;
     if (!is_before(at.index, deepest >= 0 ? deepest : index)) continue;
@@ -109,7 +109,7 @@ bool GhostContacts::is_before(size_t a, size_t b) const {
 bool GhostContacts::are_in_one_place(const ContactInput& contact, const ContactInput& rest) const {
   const Eigen::Map<const Vector3d> a(contact.position.data()), b(rest.position.data());
   const double lens = std::sqrt(2.0 * m_->geom_rbound[rest.geom[0]] * -rest.gap);
-  return (a - b).norm() <= kDepths * (lens + bearers_.reach(rest));
+  return (a - b).norm() <= kDepths * (lens + supports_.reach(rest));
 }
 
 // Whether a contact is with a face beneath the one of another contact: a layer of its own, which
@@ -118,15 +118,16 @@ bool GhostContacts::are_in_one_place(const ContactInput& contact, const ContactI
 bool GhostContacts::is_beneath(const ContactInput& contact, const ContactInput& rest) const {
   double cosine = 0.0;
   for (int i = 0; i < 3; ++i) cosine += contact.frame[i] * rest.frame[i];
-  return cosine > kSameNormal && contact.gap - rest.gap > 2.0 * bearers_.tolerance(rest);
+  return cosine > kSameNormal && contact.gap - rest.gap > 2.0 * supports_.tolerance(rest);
 }
 
 // Whether the face of a geom along the normal of what geom 0 rests on is no higher than that.
 bool GhostContacts::is_flush(int geom, const ContactInput& rest) {
   const Vector3d up = -Eigen::Map<const Vector3d>(rest.frame.data());
   if (!has_face_along(m_, d_, geom, up, kSameNormal, faces_)) return false;
-  const double overlap = up.dot(bearers_.support(geom, up) - bearers_.support(rest.geom[0], -up));
-  return overlap <= kDepths * -rest.gap + bearers_.tolerance(rest);
+  const double overlap =
+      up.dot(supports_.support_point(geom, up) - supports_.support_point(rest.geom[0], -up));
+  return overlap <= kDepths * -rest.gap + supports_.tolerance(rest);
 }
 
 // Notes on the contacts of a pair that its geom on `side` bears the other one up to an internal
@@ -153,11 +154,11 @@ void drop_ghost_contacts(const mjModel_* m, const mjData_* d,
   if (std::none_of(contacts.begin(), contacts.end(), moves) &&
       std::none_of(contacts.begin(), contacts.end(), is_of_round_geom))
     return;
-  const Bearers bearers(m, d, start_reach, buffers.bearers, contacts);
+  const Supports supports(m, d, start_reach, buffers.supports, contacts);
   // Those to be dropped are found before any is: each may be what another body rests on.
   std::vector<char>& at_internal_edge = buffers.at_internal_edge;
   at_internal_edge.assign(contacts.size(), 0);
-  EdgePasses passes(m, d, bearers, faces);
+  EdgePasses passes(m, d, supports, faces);
   for (size_t i = 0; i < contacts.size(); ++i) {
     if (!moves(contacts[i])) continue;
     const ContactSide before = passes.before_edge(contacts[i]);
@@ -165,7 +166,7 @@ void drop_ghost_contacts(const mjModel_* m, const mjData_* d,
     at_internal_edge[i] = 1;
     mark_continued(before.index, 1 - before.side, contacts);
   }
-  GhostContacts ghosts(m, d, bearers, faces, contacts);
+  GhostContacts ghosts(m, d, supports, faces, contacts);
   // Contacts of a pair come one after the other.
   for (size_t first = 0, last; first < contacts.size(); first = last) {
     last = first + 1;

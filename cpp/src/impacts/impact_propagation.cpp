@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <tuple>
 
-#include "dashpot/detection/partners.hpp"
+#include "dashpot/detection/broadphase.hpp"
 #include "dashpot/detection/reach.hpp"
 #include "dashpot/geometry/query.hpp"
 #include "dashpot/mujoco/properties.hpp"
@@ -138,9 +138,9 @@ bool ImpactPropagation::comes_to_more(const mjModel_* model, const mjData_* data
     if (meets(model, data, pair.geom[0], pair.geom[1], pair.margin, pair.way, length))
       widen(pair.geom[0], pair.geom[1]);
   if (far_.empty()) return more;
-  partners_.start(model, data, displacement_, reach.reach);
+  broadphase_.start(model, data, displacement_, reach.reach);
   for (int geom : far_) {
-    for (const auto& [other, margin] : partners_.of(geom))
+    for (const auto& [other, margin] : broadphase_.of(geom))
       if (meets(model, data, geom, other, margin, displacement_[geom] + displacement_[other],
                 length))
         widen(geom, other);

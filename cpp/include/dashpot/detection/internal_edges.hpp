@@ -26,8 +26,8 @@
 
 #include <vector>
 
-#include "dashpot/detection/bearers.hpp"
 #include "dashpot/detection/geom_faces.hpp"
+#include "dashpot/detection/supports.hpp"
 #include "dashpot/rows/rows.hpp"
 
 struct mjModel_;
@@ -37,7 +37,7 @@ namespace dashpot::host {
 
 // Kept from step to step: a step allocates nothing.
 struct InternalEdgeBuffers {
-  BearerBuffers bearers;
+  SupportBuffers supports;
   std::vector<char> at_internal_edge;  // by contact
   std::vector<int> successor;          // by contact of a pair
 };

@@ -14,9 +14,9 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/detection/broadphase.hpp"
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/detection/narrowing.hpp"
-#include "dashpot/detection/partners.hpp"
 #include "dashpot/detection/reach.hpp"
 #include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/rows/rows.hpp"
@@ -60,8 +60,8 @@ class ImpactPropagation {
 
   GeomShapes shapes_;
   std::vector<double> body_velocity_, displacement_;  // spatial; by geom, m
-  std::vector<int> far_;     // geoms that went beyond their reach, ascending
-  host::Partners partners_;  // of these
+  std::vector<int> far_;         // geoms that went beyond their reach, ascending
+  host::Broadphase broadphase_;  // of these
   std::vector<Astray> astray_;
   std::vector<int> asked_;    // geoms of either, ascending
   std::vector<Known> known_;  // of these, sorted by geoms, the deepest of each first

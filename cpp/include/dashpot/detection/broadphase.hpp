@@ -12,21 +12,21 @@ struct mjData_;
 namespace dashpot::host {
 
 // A geom, and the distance (m) at which contact with it starts.
-struct Partner {
+struct BroadphaseNeighbour {
   int geom = -1;
   double margin = 0.0;
 };
 
 // All that MuJoCo lets collide with a geom and that it may come near to. Filters that callbacks add
 // are not asked. Keeps its arrays from step to step.
-class Partners {
+class Broadphase {
  public:
   // How far each geom goes, and how far detection let it go, m; not copied.
   void start(const mjModel_* m, const mjData_* d, const std::vector<double>& way,
              const std::vector<double>& reach);
   // Those whose bounds leave no more than the ways of both and their margin, and whose ways are
   // more than detection knew of. Valid until the next call.
-  const std::vector<Partner>& of(int geom);
+  const std::vector<BroadphaseNeighbour>& of(int geom);
 
  private:
   // Where the sphere begins, along x, that holds a geom on all its way.
@@ -39,11 +39,11 @@ class Partners {
 
   const mjModel_* model_ = nullptr;
   const mjData_* data_ = nullptr;
-  const double *way_ = nullptr, *reach_ = nullptr;
+  const double *displacement_ = nullptr, *reach_ = nullptr;
   std::vector<Span> spans_;  // of geoms that move and have bounds, in ascending order
   double widest_ = 0.0;      // of them, m
   std::vector<int> everywhere_;
-  std::vector<Partner> partners_;
+  std::vector<BroadphaseNeighbour> neighbours_;
 };
 
 // The overlap (m) of two geoms that may come about unknown to their contacts.

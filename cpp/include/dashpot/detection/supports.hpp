@@ -30,16 +30,16 @@ struct ContactSide {
 };
 
 // Kept from step to step: a step allocates nothing.
-struct BearerBuffers {
+struct SupportBuffers {
   std::vector<int> first, next;  // chains of contacts, by body and by contact and side
   GeomShapes shapes;
 };
 
-class Bearers {
+class Supports {
  public:
   // `start_reach` (m): how far each geom can move in the step with the velocities of its start.
-  Bearers(const mjModel_* m, const mjData_* d, const std::vector<double>& start_reach,
-          BearerBuffers& buffers, const std::vector<ContactInput>& contacts);
+  Supports(const mjModel_* m, const mjData_* d, const std::vector<double>& start_reach,
+           SupportBuffers& buffers, const std::vector<ContactInput>& contacts);
 
   const ContactInput& contact(ContactSide at) const { return contacts_[at.index]; }
   // The contacts by which a body may be borne, or bear, and its side of each.
@@ -55,7 +55,7 @@ class Bearers {
   // How far (m) the geoms of a contact can come nearer in the step.
   double reach(const ContactInput& contact) const;
   // The point (world) of a geom that is farthest along a unit direction.
-  Eigen::Vector3d support(int geom, const Eigen::Vector3d& direction) const;
+  Eigen::Vector3d support_point(int geom, const Eigen::Vector3d& direction) const;
   // Velocity (m/s) along a direction of a geom's body at a point.
   double rate_along(int geom, const Eigen::Vector3d& direction, const Eigen::Vector3d& point) const;
 
@@ -69,7 +69,7 @@ class Bearers {
   const mjModel_* m_;
   const mjData_* d_;
   const std::vector<double>& start_reach_;
-  BearerBuffers& buffers_;
+  SupportBuffers& buffers_;
   const std::vector<ContactInput>& contacts_;
 };
 

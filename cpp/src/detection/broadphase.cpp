@@ -1,4 +1,4 @@
-#include "dashpot/detection/partners.hpp"
+#include "dashpot/detection/broadphase.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -21,11 +21,11 @@ constexpr double kUnknown = 1e-4;
 
 }  // namespace
 
-void Partners::start(const mjModel_* m, const mjData_* d, const std::vector<double>& way,
-                     const std::vector<double>& reach) {
+void Broadphase::start(const mjModel_* m, const mjData_* d, const std::vector<double>& way,
+                       const std::vector<double>& reach) {
   model_ = m;
   data_ = d;
-  way_ = way.data();
+  displacement_ = way.data();
   reach_ = reach.data();
   spans_.clear();
   everywhere_.clear();
@@ -45,22 +45,22 @@ void Partners::start(const mjModel_* m, const mjData_* d, const std::vector<doub
             [](const Span& a, const Span& b) { return a.low < b.low; });
 }
 
-const std::vector<Partner>& Partners::of(int geom) {
-  partners_.clear();
+const std::vector<BroadphaseNeighbour>& Broadphase::of(int geom) {
+  neighbours_.clear();
   const auto add = [&](int other, double margin) {
-    if (may_come_near(geom, other, margin)) partners_.push_back({other, margin});
+    if (may_come_near(geom, other, margin)) neighbours_.push_back({other, margin});
   };
   const auto add_unless_filtered = [&](int other) {
     const double margin = model_->geom_margin[geom] + model_->geom_margin[other];
-    if (spheres_apart(geom, other) <= margin + way_[geom] + way_[other] &&
+    if (spheres_apart(geom, other) <= margin + displacement_[geom] + displacement_[other] &&
         may_meet(model_, geom, other))
       add(other, margin);
   };
   const bool everywhere = model_->geom_type[geom] == mjGEOM_PLANE;
   const double middle = data_->geom_xpos[3 * geom];
-  const double radius = everywhere
-                            ? std::numeric_limits<double>::infinity()
-                            : model_->geom_rbound[geom] + model_->geom_margin[geom] + way_[geom];
+  const double radius =
+      everywhere ? std::numeric_limits<double>::infinity()
+                 : model_->geom_rbound[geom] + model_->geom_margin[geom] + displacement_[geom];
   auto span = std::lower_bound(spans_.begin(), spans_.end(), middle - radius - widest_,
                                [](const Span& s, double low) { return s.low < low; });
   for (; span != spans_.end() && span->low <= middle + radius; ++span)
@@ -72,19 +72,19 @@ const std::vector<Partner>& Partners::of(int geom) {
     if (geom == geom1) add(geom2, model_->pair_margin[pair]);
     if (geom == geom2) add(geom1, model_->pair_margin[pair]);
   }
-  return partners_;
+  return neighbours_;
 }
 
 // Of the spheres of bounds; planes have none.
-double Partners::spheres_apart(int geom1, int geom2) const {
+double Broadphase::spheres_apart(int geom1, int geom2) const {
   for (int geom : {geom1, geom2})
     if (model_->geom_type[geom] == mjGEOM_PLANE) return -mjMAXVAL;
   return mju_dist3(data_->geom_xpos + 3 * geom1, data_->geom_xpos + 3 * geom2) -
          model_->geom_rbound[geom1] - model_->geom_rbound[geom2];
 }
 
-bool Partners::may_come_near(int geom1, int geom2, double margin) const {
-  const double way = way_[geom1] + way_[geom2], within = margin + way;
+bool Broadphase::may_come_near(int geom1, int geom2, double margin) const {
+  const double way = displacement_[geom1] + displacement_[geom2], within = margin + way;
   if (way <= reach_[geom1] + reach_[geom2] + unknown_overlap(model_, geom1, geom2)) return false;
   if (model_->geom_type[geom1] == mjGEOM_PLANE)
     return height_over_plane(data_, geom1, bounding_box(model_, data_, geom2)) <= within;

@@ -1,4 +1,4 @@
-#include "dashpot/detection/bearers.hpp"
+#include "dashpot/detection/supports.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -29,8 +29,8 @@ bool rolls_on(const mjModel* m, int geom, int other) {
   }
 }
 
-Bearers::Bearers(const mjModel* m, const mjData* d, const std::vector<double>& start_reach,
-                 BearerBuffers& buffers, const std::vector<ContactInput>& contacts)
+Supports::Supports(const mjModel* m, const mjData* d, const std::vector<double>& start_reach,
+                   SupportBuffers& buffers, const std::vector<ContactInput>& contacts)
     : m_(m), d_(d), start_reach_(start_reach), buffers_(buffers), contacts_(contacts) {
   buffers.first.assign(m->nbody, -1);
   buffers.next.resize(2 * contacts.size());
@@ -44,38 +44,38 @@ Bearers::Bearers(const mjModel* m, const mjData* d, const std::vector<double>& s
   }
 }
 
-int Bearers::body_of(const ContactInput& contact, int side) const {
+int Supports::body_of(const ContactInput& contact, int side) const {
   const int body = m_->geom_bodyid[contact.geom[side]], held_by = m_->body_weldid[body];
   return held_by != 0 ? held_by : body;
 }
 
-double Bearers::tolerance(const ContactInput& contact) const {
+double Supports::tolerance(const ContactInput& contact) const {
   const double radius = contact_radius(m_, contact);
   return std::isinf(radius) ? 0.0 : kTolerance * radius;
 }
 
-double Bearers::closing(const ContactInput& contact) const {
+double Supports::closing(const ContactInput& contact) const {
   return std::max(0.0, -contact_velocity(m_, d_, contact)[0]);
 }
 
-double Bearers::reach(const ContactInput& contact) const {
+double Supports::reach(const ContactInput& contact) const {
   return start_reach_[contact.geom[0]] + start_reach_[contact.geom[1]];
 }
 
-Eigen::Vector3d Bearers::support(int geom, const Eigen::Vector3d& direction) const {
+Eigen::Vector3d Supports::support_point(int geom, const Eigen::Vector3d& direction) const {
   const Shape& shape = buffers_.shapes.of(m_, geom);
   return core_support(shape, unchecked_geom_pose(d_, geom), direction) +
          sweep_radius(shape) * direction;
 }
 
-double Bearers::rate_along(int geom, const Eigen::Vector3d& direction,
-                           const Eigen::Vector3d& point) const {
+double Supports::rate_along(int geom, const Eigen::Vector3d& direction,
+                            const Eigen::Vector3d& point) const {
   Eigen::Vector3d velocity;
   point_velocity(m_, d_, m_->geom_bodyid[geom], point.data(), velocity.data());
   return direction.dot(velocity);
 }
 
-bool Bearers::may_bear(const ContactInput& contact) const {
+bool Supports::may_bear(const ContactInput& contact) const {
   return !contact.is_of_flex() && contact.gap <= std::max(tolerance(contact), reach(contact));
 }
 
