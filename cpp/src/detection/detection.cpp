@@ -136,7 +136,7 @@ void collide_candidates(mjModel* m, mjData* d, FaceBuffers* faces, Detection& de
                         Team& team) {
   const std::vector<CandidatePair>& near =
       detection.candidates.near(m, d, detection.buffers.reach, detection.narrowing, team);
-  detection.narrowphase.find(m, d, near, faces, detection.workplaces, team);
+  detection.narrowphase.find(m, d, near, faces, detection.scratch, team);
   detection.narrowphase.write(m, d, team);
 }
 

@@ -46,7 +46,7 @@ mjContact contact_of(const mjModel* m, const CandidatePair& pair) {
 }  // namespace
 
 void Narrowphase::find(mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs,
-                       FaceBuffers* faces, Workplaces& workplaces, Team& team) {
+                       FaceBuffers* faces, Scratch& scratch, Team& team) {
   std::swap(before_, now_);
   now_.pairs.clear();
   now_.contacts.clear();
@@ -58,13 +58,13 @@ void Narrowphase::find(mjModel_* m, mjData_* d, const std::vector<CandidatePair>
     found.contacts.clear();
   }
   apart_.make_room();
-  workplaces.open(m, d, faces, range < count ? team.active() : 1);
+  scratch.open(m, d, faces, range < count ? team.active() : 1);
   team.share(count, kPairsAtOnce, [&](int worker, int first, int last) {
-    const Workplace at(workplaces, worker);
+    const WorkerScratch at(scratch, worker);
     find_in(at.model(), at.data(), pairs.data() + first, pairs.data() + last,
             found_[first / range]);
   });
-  workplaces.close();
+  scratch.close();
   const auto is_empty = [](const Found& found) { return found.pairs.empty(); };
   if (std::all_of(found_.begin() + 1, found_.end(), is_empty))
     return std::swap(now_, found_.front());

@@ -1,6 +1,6 @@
 #include "dashpot/detection/turning.hpp"
 
-#include "dashpot/detection/workplaces.hpp"
+#include "dashpot/detection/scratch.hpp"
 #include "lone_pairs.hpp"
 #include "turning_pair.hpp"
 
@@ -13,16 +13,16 @@ constexpr int kContactsAtOnce = 16;  // by a thread
 }  // namespace
 
 void freeze_contacts(mjModel_* m, mjData_* d, const TurningStep& step, FaceBuffers& faces,
-                     Workplaces& workplaces, std::vector<ContactInput>& contacts,
+                     Scratch& scratch, std::vector<ContactInput>& contacts,
                      std::vector<double>& tree_ahead, Team& team) {
   const int count = static_cast<int>(contacts.size());
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
   const LonePairs pairs(m, d, step, contacts);
-  workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
+  scratch.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {
-    const Workplace at(workplaces, worker);
+    const WorkerScratch at(scratch, worker);
     // Pairs that begin in the range.
     while (begin < end && !begins_pair(begin)) ++begin;
     for (int first = begin, last; first < end; first = last) {
@@ -36,7 +36,7 @@ void freeze_contacts(mjModel_* m, mjData_* d, const TurningStep& step, FaceBuffe
         pair.turn_axes();
     }
   });
-  workplaces.close();
+  scratch.close();
   for (const ContactInput& contact : contacts) {
     if (contact.frozen != Frozen::kAhead) continue;
     for (int tree : contact.tree) {

@@ -51,7 +51,7 @@ void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
   host::freeze_contacts(
       model, d,
       {clock.length, differentiable, motion.trees(), data.velocity.data(), frequency, view},
-      detection.faces, detection.workplaces, contacts, tree_ahead, team);
+      detection.faces, detection.scratch, contacts, tree_ahead, team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
       if (tree >= 0) tree_ahead[tree] = 0.0;

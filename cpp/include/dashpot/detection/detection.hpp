@@ -10,7 +10,7 @@
 #include "dashpot/detection/narrowing.hpp"
 #include "dashpot/detection/narrowphase.hpp"
 #include "dashpot/detection/reach.hpp"
-#include "dashpot/detection/workplaces.hpp"
+#include "dashpot/detection/scratch.hpp"
 #include "dashpot/mujoco/springs_and_dampers.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/threads/team.hpp"
@@ -34,7 +34,7 @@ struct Detection {
   CandidatePairs candidates;
   Narrowphase narrowphase;
   InternalEdgeBuffers internal_edges;
-  Workplaces workplaces;
+  Scratch scratch;
   std::vector<char> may_be_loaded;  // by contact found
   std::vector<RowDamper> dampers;   // that act as rows
 };

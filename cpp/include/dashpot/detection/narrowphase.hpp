@@ -7,7 +7,7 @@
 
 #include "dashpot/detection/apart.hpp"
 #include "dashpot/detection/candidates.hpp"
-#include "dashpot/detection/workplaces.hpp"
+#include "dashpot/detection/scratch.hpp"
 #include "dashpot/threads/team.hpp"
 
 struct mjModel_;
@@ -24,7 +24,7 @@ class Narrowphase {
   // Pairs that were asked already, within the same distance, are not collided again. While
   // collisions are replaced in this thread; in others by `faces`, as in ReplacedCollisions.
   void find(mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs, FaceBuffers* faces,
-            Workplaces& workplaces, Team& team);
+            Scratch& scratch, Team& team);
 
   // Stops with MuJoCo's warning where they do not fit into the memory of the model.
   void write(mjModel_* m, mjData_* d, Team& team) const;

@@ -53,7 +53,7 @@ struct mjData_;
 namespace dashpot::host {
 
 struct FaceBuffers;
-class Workplaces;
+class Scratch;
 
 // Takes contacts of bodies that touch and turn to the middle of a step, or of the hit in it: their
 // frames, also in `d`, and where they act on each body, for free bodies seen from where its centre
@@ -62,7 +62,7 @@ class Workplaces;
 // to which time (s) contacts of it were taken, that of the middle where they differ. `faces` are
 // kept from step to step.
 void freeze_contacts(mjModel_* m, mjData_* d, const TurningStep& step, FaceBuffers& faces,
-                     Workplaces& workplaces, std::vector<ContactInput>& contacts,
+                     Scratch& scratch, std::vector<ContactInput>& contacts,
                      std::vector<double>& tree_ahead, Team& team);
 
 }  // namespace dashpot::host

@@ -1,4 +1,4 @@
-#include "dashpot/detection/workplaces.hpp"
+#include "dashpot/detection/scratch.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -22,7 +22,7 @@ void copy_without_solver(const mjData& from, mjData& to) {
 
 }  // namespace
 
-struct Workplaces::Originals {
+struct Scratch::Originals {
   mjModel model;
   mjData data;
   std::vector<mjtNum> position, rotation;  // of geoms
@@ -35,7 +35,7 @@ struct Workplaces::Originals {
   }
 };
 
-struct Workplaces::Place {
+struct Scratch::Place {
   bool is_open = false;  // for the present pass
   mjModel model;
   mjData data;
@@ -61,10 +61,10 @@ struct Workplaces::Place {
   }
 };
 
-Workplaces::Workplaces() = default;
-Workplaces::~Workplaces() = default;
+Scratch::Scratch() = default;
+Scratch::~Scratch() = default;
 
-void Workplaces::open(mjModel_* m, mjData_* d, FaceBuffers* faces, int workers) {
+void Scratch::open(mjModel_* m, mjData_* d, FaceBuffers* faces, int workers) {
   model_ = m;
   data_ = d;
   faces_ = faces;
@@ -76,14 +76,14 @@ void Workplaces::open(mjModel_* m, mjData_* d, FaceBuffers* faces, int workers) 
   originals_->copy(*m, *d);
 }
 
-Workplaces::Place& Workplaces::place(int worker) {
+Scratch::Place& Scratch::place(int worker) {
   Place& place = *places_[worker - 1];
   if (!place.is_open) place.open(*originals_);
   if (faces_) place.faces.hulls = faces_->hulls;
   return place;
 }
 
-void Workplaces::close() {
+void Scratch::close() {
   for (const auto& place : places_) {
     if (!place->is_open) continue;
     place->is_open = false;
@@ -92,10 +92,10 @@ void Workplaces::close() {
   }
 }
 
-Workplace::Workplace(Workplaces& all, int worker)
+WorkerScratch::WorkerScratch(Scratch& all, int worker)
     : model_(all.model_), data_(all.data_), faces_(all.faces_) {
   if (worker == 0) return;
-  Workplaces::Place& place = all.place(worker);
+  Scratch::Place& place = all.place(worker);
   model_ = &place.model;
   data_ = &place.data;
   if (faces_) faces_ = &place.faces;

@@ -21,10 +21,10 @@ struct mjData_;
 namespace dashpot::host {
 
 // Kept from step to step.
-class Workplaces {
+class Scratch {
  public:
-  Workplaces();
-  ~Workplaces();
+  Scratch();
+  ~Scratch();
 
   // Before a pass of `workers` threads over pairs of geoms, during which nothing else changes `m`
   // and `d`. `faces` as in ReplacedCollisions.
@@ -33,7 +33,7 @@ class Workplaces {
   void close();
 
  private:
-  friend class Workplace;
+  friend class WorkerScratch;
   struct Originals;
   struct Place;
   Place& place(int worker);
@@ -48,9 +48,9 @@ class Workplaces {
 
 // That of one worker, while it lives in the worker's thread. In all threads but the calling one,
 // whose own they are, collisions are replaced and errors of MuJoCo thrown.
-class Workplace {
+class WorkerScratch {
  public:
-  Workplace(Workplaces& all, int worker);
+  WorkerScratch(Scratch& all, int worker);
 
   mjModel_* model() const { return model_; }
   mjData_* data() const { return data_; }
