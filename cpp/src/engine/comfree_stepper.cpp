@@ -9,7 +9,7 @@ namespace dashpot {
 void Stepper::ComFreeImpl::act(mjData_* d) {
   data.reset_rows(rows);
   plan.find_islands(rows, motion.trees());
-  books.open(memory(d), sleeping.rows());
+  accounting.open(memory(d), sleeping.rows());
   gap.clear();
   group_mass.clear();
   for (const RowGroup& c : rows.group) {
@@ -23,7 +23,7 @@ void Stepper::ComFreeImpl::act(mjData_* d) {
   update_complementarity_free(law, rows, motion.trees(), gap, group_mass, clock.length, data);
   check_velocities();
   find_touched_trees();
-  book_rows(data, {}, {}, books.ledger());
+  book_rows(data, {}, {}, accounting.ledger());
 }
 
 }  // namespace dashpot

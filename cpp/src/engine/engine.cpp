@@ -125,8 +125,8 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   report_forces(d);
   advance_state(d);
   mocap.write_velocities();
-  books.add_smooth_work(d, solved_part(), team);
-  books.ledger().work += mocap.work_against_gravity(clock.length);
+  accounting.add_smooth_work(d, solved_part(), team);
+  accounting.ledger().work += mocap.work_against_gravity(clock.length);
   mocap.advance(clock.length);
   remember(d, mocap);
 }
@@ -172,10 +172,10 @@ void Stepper::Impl::fall_asleep(mjData_* d, const host::MocapMotion& mocap) {
   if (!host::may_sleep(model)) return;
   const SolvedPart solved = solved_part();
   const std::vector<int>& falling =
-      sleeping.find_falling(d, solved, plan.islands(), mocap, books.recovered());
+      sleeping.find_falling(d, solved, plan.islands(), mocap, accounting.recovered());
   if (falling.empty()) return;
   Memory view = memory(d);
-  books.lose_motion(d, solved, falling, view);
+  accounting.lose_motion(d, solved, falling, view);
   sleeping.put_to_sleep(model, d);
   for (int index : falling) view.rest(motion.trees().tree[index], index);
 }
@@ -232,9 +232,10 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
   const bool leaves_half = motion.own() && !geometry_of_middle;
   trapezoid.keep(d,
-                 {clock.length, leaves_half, constraints, rows, data, on_trees.held, books.way()},
-                 motion, view, books.ledger());
-  books.close(view);
+                 {clock.length, leaves_half, constraints, rows, data, on_trees.held,
+                  accounting.displacement()},
+                 motion, view, accounting.ledger());
+  accounting.close(view);
 }
 
 StepStats Stepper::Impl::statistics() const {

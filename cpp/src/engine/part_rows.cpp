@@ -64,8 +64,8 @@ void Stepper::Impl::act_along_in_links(mjData_* d) {
 void Stepper::Impl::finish_last_step(mjData_* d) {
   matching.find(memory(d), contacts, rows, matches, team);
   const StepView step = view(d);
-  books.open(step.memory, sleeping.rows());
-  trapezoid.finish_last_step(d, step, differentiable, motion, rows, data, books.ledger());
+  accounting.open(step.memory, sleeping.rows());
+  trapezoid.finish_last_step(d, step, differentiable, motion, rows, data, accounting.ledger());
 }
 
 void Stepper::Impl::plan_and_recall(mjData_* d) {
@@ -86,7 +86,7 @@ void Stepper::Impl::run_islands(mjData_* d) {
   check_velocities();
   check_memory(d);
   find_touched_trees();
-  EnergyLedger& ledger = books.ledger();
+  EnergyLedger& ledger = accounting.ledger();
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   recovery.assign(motion.trees().coordinates, 0.0);
   for (const Island& island : plan.islands()) {

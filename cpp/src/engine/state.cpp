@@ -53,7 +53,7 @@ void Stepper::Impl::find_forces(mjData_* d) {
 
 void Stepper::Impl::report_forces(mjData_* d) {
   const SolvedPart solved = solved_part();
-  books.find_unpaid(memory(d), solved, on_trees.unpaid);
+  accounting.find_unpaid(memory(d), solved, on_trees.unpaid);
   forces.find_reported(d, solved);
   forces.report(d, solved);
 }
@@ -81,7 +81,7 @@ void Stepper::Impl::advance_state(mjData_* d) {
   });
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (!motion.is_accurate(index)) advance(index);
-    books.ledger().dissipated_normal += on_trees.lost[index];
+    accounting.ledger().dissipated_normal += on_trees.lost[index];
   }
 }
 

@@ -1,14 +1,13 @@
 // What a stepper holds. The step is in engine.cpp; how far its parts go in part_length.cpp, their
 // rows in part_rows.cpp, the geometry of these in geometry.cpp, the state at the end in state.cpp.
 // How rows are planned is in row_plan.hpp, what their forces are in step_forces.hpp, what becomes
-// of energy in books.hpp, and what sleeps in sleeping_trees.hpp. What is virtual is another thing
-// under the complementarity-free law (comfree_stepper.hpp).
+// of energy in energy_accounting.hpp, and what sleeps in sleeping_trees.hpp. What is virtual is
+// another thing under the complementarity-free law (comfree_stepper.hpp).
 
 #pragma once
 
 #include <vector>
 
-#include "books.hpp"
 #include "dashpot/detection/detection.hpp"
 #include "dashpot/engine/contacts.hpp"
 #include "dashpot/engine/engine.hpp"
@@ -32,6 +31,7 @@
 #include "dashpot/rows/step_view.hpp"
 #include "dashpot/threads/pace.hpp"
 #include "dashpot/threads/team.hpp"
+#include "energy_accounting.hpp"
 #include "row_assembly.hpp"
 #include "row_plan.hpp"
 #include "sleeping_trees.hpp"
@@ -157,7 +157,7 @@ struct Stepper::Impl {
   RowsOnTrees on_trees;
   std::vector<double> recovery;  // by motion coordinate: displacement that equalities recover
   StepForces forces;
-  Books books;
+  EnergyAccounting accounting;
 };
 
 }  // namespace dashpot

@@ -1,4 +1,4 @@
-// The books of a step: what becomes of its energy (rows/energy_ledger.hpp).
+// What becomes of its energy (rows/energy_ledger.hpp).
 
 #pragma once
 
@@ -15,7 +15,7 @@ struct mjData_;
 namespace dashpot {
 
 // Keeps its arrays from step to step.
-class Books {
+class EnergyAccounting {
  public:
   // Opens them with the ledger that memory has, but for the energy of what sleeps.
   void open(const Memory& memory, const MarkedRows& sleeping);
@@ -33,18 +33,18 @@ class Books {
 
   // By degree of freedom: what the change of kinetic energy goes with, and how far recovery of
   // equalities took trees beside it.
-  const std::vector<double>& way() const { return way_; }
+  const std::vector<double>& displacement() const { return displacement_; }
   const std::vector<double>& recovered() const { return recovered_; }
 
  private:
-  void find_ways(const mjData_* d, const SolvedPart& part, Team& team);
+  void find_displacements(const mjData_* d, const SolvedPart& part, Team& team);
   double work_ahead_of_servos(const SolvedPart& part) const;
 
   EnergyLedger ledger_;
   double elastic_asleep_ = 0.0;  // J
   host::SmoothWork smooth_work_;
-  std::vector<char> in_microsteps_;      // by tree: it went as in these
-  std::vector<double> way_, recovered_;  // by degree of freedom
+  std::vector<char> in_microsteps_;               // by tree: it went as in these
+  std::vector<double> displacement_, recovered_;  // by degree of freedom
 };
 
 }  // namespace dashpot

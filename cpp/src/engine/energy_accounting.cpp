@@ -1,4 +1,4 @@
-#include "books.hpp"
+#include "energy_accounting.hpp"
 
 #include <algorithm>
 
@@ -14,19 +14,19 @@ constexpr int kTreesAtOnce = 64;  // by a thread
 }  // namespace
 
 // Springs of what sleeps keep their energy.
-void Books::open(const Memory& memory, const MarkedRows& sleeping) {
+void EnergyAccounting::open(const Memory& memory, const MarkedRows& sleeping) {
   ledger_ = memory.ledger();
   elastic_asleep_ = memory.energy(sleeping);
   ledger_.elastic -= elastic_asleep_;
 }
 
-void Books::close(Memory& memory) {
+void EnergyAccounting::close(Memory& memory) {
   ledger_.elastic += elastic_asleep_;
   memory.set_ledger(ledger_);
 }
 
-void Books::find_unpaid(const Memory& memory, const SolvedPart& part,
-                        std::vector<double>& unpaid) const {
+void EnergyAccounting::find_unpaid(const Memory& memory, const SolvedPart& part,
+                                   std::vector<double>& unpaid) const {
   unpaid.assign(part.motion.tree_count(), 0.0);
   const double gained = memory.ledger().dissipated_by_contacts() - ledger_.dissipated_by_contacts();
   if (gained <= 0.0) return;
@@ -46,14 +46,14 @@ void Books::find_unpaid(const Memory& memory, const SolvedPart& part,
     for (double& energy : unpaid) energy *= gained / all;
 }
 
-void Books::add_smooth_work(mjData_* d, const SolvedPart& part, Team& team) {
+void EnergyAccounting::add_smooth_work(mjData_* d, const SolvedPart& part, Team& team) {
   const mjModel_* const model = part.model;
   const TreeMotion& motion = part.motion;
-  find_ways(d, part, team);
+  find_displacements(d, part, team);
   ledger_.dissipated_recovery += host::potential_work(model, d, recovered_.data());
   smooth_work_.find(
       model, d, motion.trees(),
-      {motion.start_velocity().data(), way_.data(), motion.smooth_acceleration().data(),
+      {motion.start_velocity().data(), displacement_.data(), motion.smooth_acceleration().data(),
        &in_microsteps_, part.data.braked.data()});
   ledger_.dissipated_damping -= smooth_work_.damping;
   ledger_.work += smooth_work_.applied + work_ahead_of_servos(part);
@@ -64,33 +64,33 @@ void Books::add_smooth_work(mjData_* d, const SolvedPart& part, Team& team) {
 
 // Trees that went as in the micro-steps went the integral of their velocity and what recovery
 // displaced them; the change of kinetic energy of all others goes with their mean velocity.
-void Books::find_ways(const mjData_* d, const SolvedPart& part, Team& team) {
+void EnergyAccounting::find_displacements(const mjData_* d, const SolvedPart& part, Team& team) {
   const TreeMotion& motion = part.motion;
   const double* velocity = host::velocity(d);
   const std::vector<double>& start_velocity = motion.start_velocity();
-  way_.resize(start_velocity.size());
+  displacement_.resize(start_velocity.size());
   recovered_.assign(start_velocity.size(), 0.0);
   in_microsteps_.resize(motion.tree_count());
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
-    double* way = way_.data() + tree.dof_begin;
+    double* displacement = displacement_.data() + tree.dof_begin;
     for (int i = 0; i < tree.dof_count; ++i) {
       const int dof = tree.dof_begin + i;
-      way[i] = 0.5 * part.length * (start_velocity[dof] + velocity[dof]);
+      displacement[i] = 0.5 * part.length * (start_velocity[dof] + velocity[dof]);
     }
     in_microsteps_[index] =
         motion.own() && (motion.linked()[index] || part.on_trees.touched[index]);
     if (!in_microsteps_[index]) return;
     double* shift = recovered_.data() + tree.dof_begin;
-    motion.to_generalized(index, part.data.total_displacement.data() + tree.begin, way);
+    motion.to_generalized(index, part.data.total_displacement.data() + tree.begin, displacement);
     motion.to_generalized(index, part.recovery.data() + tree.begin, shift);
-    for (int i = 0; i < tree.dof_count; ++i) way[i] -= shift[i];
+    for (int i = 0; i < tree.dof_count; ++i) displacement[i] -= shift[i];
   });
 }
 
 // Work that servos did on free bodies by the force of the middle of the step beyond that of its
 // start.
-double Books::work_ahead_of_servos(const SolvedPart& part) const {
+double EnergyAccounting::work_ahead_of_servos(const SolvedPart& part) const {
   double work = 0.0;
   const std::vector<double>& change = part.motion.servo_change();
   if (change.empty()) return work;
@@ -98,14 +98,14 @@ double Books::work_ahead_of_servos(const SolvedPart& part) const {
     if (!part.motion.is_sprung(index)) continue;
     const Tree& tree = part.motion.trees().tree[index];
     for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
-      work += change[i] * way_[i];
+      work += change[i] * displacement_[i];
   }
   return work;
 }
 
-void Books::lose_motion(const mjData_* d, const SolvedPart& part, const std::vector<int>& trees,
-                        Memory& memory) {
-  std::vector<double> velocity(way_.size()), momentum(way_.size());
+void EnergyAccounting::lose_motion(const mjData_* d, const SolvedPart& part,
+                                   const std::vector<int>& trees, Memory& memory) {
+  std::vector<double> velocity(displacement_.size()), momentum(displacement_.size());
   for (int index : trees) {
     const Tree& tree = part.motion.trees().tree[index];
     std::copy_n(host::velocity(d) + tree.dof_begin, tree.dof_count,
