@@ -2,7 +2,7 @@
 //
 // Contact does not start within a step, which is never shortened for what turns or is thrown about.
 // Rows have the geometry of its start, remember nothing, and act in a single update. MuJoCo moves
-// all trees, so no second half is left to the next step.
+// all trees, so no Verlet corrector is left to the next step.
 
 #pragma once
 

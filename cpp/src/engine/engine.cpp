@@ -201,7 +201,7 @@ void Stepper::Impl::forget_moved_by_hand(mjData_* d, std::vector<double>& before
   }
 }
 
-// Goes as far into a step as the second half of the last one is known.
+// Goes as far into a step as the Verlet corrector of the last one is known.
 void Stepper::Impl::complete_last_step(mjData_* d) {
   const HeldMotion before = memory(d).held_motion();
   if (std::none_of(before.length, before.length + memory_layout.held_trees,
@@ -230,9 +230,9 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   std::copy_n(host::position(d), memory_layout.positions, view.position());
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
-  const bool leaves_half = motion.own() && !geometry_of_middle;
+  const bool leaves_corrector = motion.own() && !geometry_of_middle;
   trapezoid.keep(d,
-                 {clock.length, leaves_half, constraints, rows, data, on_trees.held,
+                 {clock.length, leaves_corrector, constraints, rows, data, on_trees.held,
                   accounting.displacement()},
                  motion, view, accounting.ledger());
   accounting.close(view);

@@ -105,9 +105,9 @@ void StepForces::keep_borne_inside_cones(const SolvedPart& part) {
   }
 }
 
-// That of a tree's motion over the step where rows hold it: qacc has neither its second half nor
-// what the effective inertia makes of forces. Of linkages qacc stays: in the force of equalities is
-// nothing of how they turn in the second half.
+// That of a tree's motion over the step where rows hold it: qacc has neither its Verlet corrector
+// nor what the effective inertia makes of forces. Of linkages qacc stays: in the force of
+// equalities is nothing of how they turn in the Verlet corrector.
 void StepForces::find_mean_acceleration(int index, const SolvedPart& part) {
   const Tree& tree = part.motion.trees().tree[index];
   double* mean = reported_acceleration_.data() + tree.dof_begin;

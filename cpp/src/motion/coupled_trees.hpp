@@ -1,4 +1,4 @@
-// Which trees share the scale of the second half of a step (trapezoid.hpp).
+// Which trees share the scale of the Verlet corrector of a step (trapezoid.hpp).
 //
 // What equalities couple exchanges energy through them, and is conserved only of all together:
 // such trees go by the first of them.

@@ -33,8 +33,8 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   holding_rows_.find_at_start(step, rows, data, trees);
   if (find_scales(d, length, whole, memory, motion)) {
     if (!whole) correct_speeds();
-    book_second_half(ledger);
-    add_second_half(trees, data);
+    book_corrector(ledger);
+    add_corrector(trees, data);
     count_followed_changes(trees);
     stop_fast_turns(length, rows);
   }
@@ -94,7 +94,7 @@ bool Trapezoid::find_scales(const mjData_* d, double length, bool whole, const M
                             TreeMotion& motion) {
   do {
     for (CoupledEnergy& coupled : coupled_) coupled = coupled.anew();
-    find_second_half(d, memory, motion);
+    find_corrector(d, memory, motion);
     if (std::none_of(coupled_.begin(), coupled_.end(),
                      [](const CoupledEnergy& c) { return c.by_equalities || c.left_half; }))
       return false;
@@ -113,11 +113,11 @@ bool Trapezoid::find_scales(const mjData_* d, double length, bool whole, const M
   return true;
 }
 
-void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMotion& motion) {
+void Trapezoid::find_corrector(const mjData_* d, const Memory& memory, TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
   const Trees& trees = motion.trees();
   const std::vector<double>& velocity = motion.start_velocity();
-  second_half_.assign(trees.coordinates, 0.0);
+  corrector_.assign(trees.coordinates, 0.0);
   force_.resize(trees.coordinates);
   generalized_.assign(velocity.size(), 0.0);
   holding_rows_.forget_borne();
@@ -144,7 +144,7 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
       if (!flies) coupled.driven += change * before.displacement[dof];
       coupled.drives_change = coupled.drives_change || change != 0.0;
     }
-    double* half = second_half_.data() + t.begin;
+    double* half = corrector_.data() + t.begin;
     motion.invert_inertia(d, index);  // no row has asked for that of a tree that has come free
     respond(d, trees, index, before, force, half);
     for (int i = 0; i < t.count; ++i)
@@ -233,7 +233,7 @@ void Trapezoid::correct_speeds() {
   }
 }
 
-void Trapezoid::book_second_half(EnergyLedger& ledger) const {
+void Trapezoid::book_corrector(EnergyLedger& ledger) const {
   for (const CoupledEnergy& coupled : coupled_) {
     if (!coupled.left_half) continue;
     // What damping takes of it is in the work of the next step, which starts from before it.
@@ -246,19 +246,19 @@ void Trapezoid::book_second_half(EnergyLedger& ledger) const {
   }
 }
 
-void Trapezoid::add_second_half(const Trees& trees, RowData& data) {
+void Trapezoid::add_corrector(const Trees& trees, RowData& data) {
   added_.assign(trees.coordinates, 0.0);
   for (size_t index = 0; index < trees.tree.size(); ++index) {
     if (first_[index] < 0) continue;
     const CoupledEnergy& coupled = coupled_[first_[index]];
     const Tree& t = trees.tree[index];
     for (int i = t.begin; i < t.begin + t.count; ++i) {
-      double inside = data.velocity[i] + coupled.scale * second_half_[i];
+      double inside = data.velocity[i] + coupled.scale * corrector_[i];
       for (int direction = 0; direction < kDirections; ++direction)
         if (translations_.any(direction))
           inside -= translations_.motion(direction)[i] *
                     coupled.common[direction].velocity(coupled.scale);
-      added_[i] = coupled.scale * second_half_[i] - coupled.brake * inside;
+      added_[i] = coupled.scale * corrector_[i] - coupled.brake * inside;
       data.velocity[i] += added_[i];
     }
   }

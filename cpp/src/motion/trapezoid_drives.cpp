@@ -1,4 +1,4 @@
-// What drives do on a tree in flight in the second half of a step, and how the tree responds.
+// What drives do on a tree in flight in the Verlet corrector of a step, and how the tree responds.
 
 #include <algorithm>
 
@@ -24,7 +24,7 @@ bool Trapezoid::differs_in_damping(const Trees& trees, int index, const HeldMoti
 }
 
 // Work (J) that changes of drives, which may be jumps, do on a tree in flight: as the last part of
-// its second half.
+// its Verlet corrector.
 double Trapezoid::work_of_drives(const mjData_* d, const Trees& trees, int index,
                                  const HeldMotion& before, const std::vector<double>& velocity) {
   const Tree& t = trees.tree[index];

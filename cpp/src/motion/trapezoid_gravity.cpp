@@ -8,8 +8,8 @@ namespace dashpot {
 
 namespace {
 
-// H^2 m g l / 2 I from which on gravity is that of the middle. From 1 on its second half, a step
-// late, feeds on itself; the others keep the energy of gravity better by it.
+// H^2 m g l / 2 I from which on gravity is that of the middle. From 1 on its Verlet corrector, a
+// step late, feeds on itself; the others keep the energy of gravity better by it.
 constexpr double kLightPart = 0.1;
 
 }  // namespace

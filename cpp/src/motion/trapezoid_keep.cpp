@@ -28,7 +28,7 @@ bool Trapezoid::keep_lengths(const EndOfStep& end, const TreeMotion& motion,
   for (size_t index = 0; index < end.held.size(); ++index) {
     now.length[index] = 0.0;
     now.held[index] = end.held[index];
-    if (!end.leaves_half || first_[index] < 0) continue;
+    if (!end.leaves_corrector || first_[index] < 0) continue;
     if (!end.held[index] && !motion.linked()[index]) continue;
     const CoupledEnergy& coupled = coupled_[first_[index]];
     if (!coupled.turns) continue;

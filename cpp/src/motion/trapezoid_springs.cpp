@@ -1,4 +1,4 @@
-// What tells how much of the second half of a step springs and servos bring.
+// What tells how much of the Verlet corrector of a step springs and servos bring.
 
 #include <algorithm>
 

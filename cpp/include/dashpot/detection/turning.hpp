@@ -36,7 +36,7 @@
 //
 // Of links the axes of the joints go to the middle (mujoco/velocities.hpp), also where they turn
 // above a foot that stands. Their inertia stays that of the start, where smooth forces are: the
-// second half of the step corrects both (trapezoid.hpp). So does that of free bodies that
+// Verlet corrector of the step corrects both (trapezoid.hpp). So does that of free bodies that
 // constraints hold, whose rows have the geometry of the start.
 
 #pragma once

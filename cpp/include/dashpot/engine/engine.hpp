@@ -58,11 +58,11 @@ class Stepper {
                  const std::function<void()>& between = {});
 
   // Whether steps are to be differentiated: then contacts move to the middle of the step by motion
-  // of any size, where what is less than 10 urad counts as rest otherwise, and the second half of a
-  // step is taken as it is, which energies scale otherwise.
+  // of any size, where what is less than 10 urad counts as rest otherwise, and the Verlet corrector
+  // of a step is taken as it is, which energies scale otherwise.
   void differentiate(bool whether);
-  // Adds to the velocities of `data`, which step() has left, the second half of that step, which
-  // the next one would start with (motion/trapezoid.hpp). That one then starts from there.
+  // Adds to the velocities of `data`, which step() has left, the Verlet corrector of that step,
+  // which the next one would start with (motion/trapezoid.hpp). That one then starts from there.
   void complete_last_step(mjData_* data);
 
  private:

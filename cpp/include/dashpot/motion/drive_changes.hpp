@@ -1,5 +1,5 @@
 // How forces of actuators, and those that users apply, change from step to step, and what of that
-// goes into the second half of a step (trapezoid.hpp, with the symbols).
+// goes into the Verlet corrector of a step (trapezoid.hpp, with the symbols).
 //
 // Most often they follow from the motion: position servos, and controllers that are asked once a
 // step. Held over a step they would gain energy as springs do, from omega^2 H / 4. So a' has their

@@ -1,5 +1,5 @@
-// The second half of the trapezoidal rule, for linked trees in flight and under rows, and for what
-// equalities couple.
+// The Verlet corrector of the trapezoidal rule, for linked trees in flight and under rows, and for
+// what equalities couple.
 //
 // Micro-steps see the smooth forces of the start of a step, and equalities its geometry. A motion
 // integrated so gains energy, in parts about omega^2 H / 2 a second. Velocity Verlet (RATTLE:
@@ -19,29 +19,31 @@
 //
 // Linear springs of slides and hinges act along in the micro-steps (microstep.hpp): g has their
 // mean force, and p has none of its change. So do all springs of soft trees (trees.hpp), whose
-// bodies feel nothing else that changes: contacts leave them no second half.
+// bodies feel nothing else that changes: contacts leave them no Verlet corrector.
 //
-// Of the second half, rows that hold the tree against the ground leave what holding_rows.hpp says:
-// they bear the rest, as a foot on the floor what the spring of its leg gains. They do so in the
-// step in which the half is added, of whose forces it is a part.
+// Of the Verlet corrector, rows that hold the tree against the ground leave what holding_rows.hpp
+// says: they bear the rest, as a foot on the floor what the spring of its leg gains. They do so in
+// the step in which the half is added, of whose forces it is a part.
 //
-// Gravity has its second half a step after its first. Where it turns light parts far meanwhile,
+// Gravity has its Verlet corrector a step after its first. Where it turns light parts far
+// meanwhile,
 //
 //     H^2 m g l / 2 I > 1,    l: from a joint to the centre of mass m of all that hangs on it,
 //
 // as the links of a rope on the floor about their own axes, that feeds on itself. There gravity is
 // that of the middle of the step, as contacts are (mujoco/velocities.hpp): a load beside the
-// smooth forces in this step, and no part of the second half, which then has springs alone for p.
+// smooth forces in this step, and no part of the Verlet corrector, which then has springs alone for
+// p.
 //
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
-// (J1 - J0)' lambda, and contacts leave no second half.
+// (J1 - J0)' lambda, and contacts leave no Verlet corrector.
 //
 // s is 1 of trees that no row with a position held in the step, and where springs, weights and
 // servos bring a' - a; elsewhere 1 to first order in H, and such that energy is conserved
 // (coupled_energy.hpp); trees that equalities couple share it (coupled_trees.hpp). Where none is
 // found, or equalities would turn too far even in a part of a step (turning_parts.hpp), frozen
-// geometry stays: the second half is left out, they do not turn in that step, and the work of those
-// that did is booked as dissipation.
+// geometry stays: the Verlet corrector is left out, they do not turn in that step, and the work of
+// those that did is booked as dissipation.
 
 #pragma once
 
@@ -64,7 +66,7 @@ namespace dashpot {
 struct EndOfStep {
   double length;  // s
   // False: the step had the geometry of its middle, or another law, and leaves nothing over.
-  bool leaves_half;
+  bool leaves_corrector;
   const std::vector<ConstraintInput>& constraints;
   const Rows& rows;
   const RowData& data;
@@ -85,7 +87,8 @@ class Trapezoid {
   void finish_last_step(const mjData_* d, const StepView& step, bool whole, TreeMotion& motion,
                         Rows& rows, RowData& data, EnergyLedger& ledger);
 
-  // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember.
+  // At the end of the step: keeps in `memory` what its Verlet corrector needs, after
+  // Memory::remember.
   void keep(const mjData_* d, const EndOfStep& end, const TreeMotion& motion, Memory& memory,
             EnergyLedger& ledger);
 
@@ -106,7 +109,7 @@ class Trapezoid {
 
   // Finds which trees that contacts may hold have light parts.
   void find_light_trees(const mjData_* d, const StepView& step, TreeMotion& motion);
-  // Finds which trees have a second half, and which of them share s.
+  // Finds which trees have a Verlet corrector, and which of them share s.
   void couple_trees(const Rows& rows, const TreeMotion& motion);
   void find_left_halves(const Memory& memory, const TreeMotion& motion);
   void find_potential_forces(const mjData_* d, const TreeMotion& motion);
@@ -116,25 +119,25 @@ class Trapezoid {
   // is nothing to finish.
   bool find_scales(const mjData_* d, double length, bool whole, const Memory& memory,
                    TreeMotion& motion);
-  void find_second_half(const mjData_* d, const Memory& memory, TreeMotion& motion);
+  void find_corrector(const mjData_* d, const Memory& memory, TreeMotion& motion);
   static bool differs_in_damping(const Trees& trees, int tree, const HeldMotion& before);
   void respond(const mjData_* d, const Trees& trees, int tree, const HeldMotion& before,
                const double* force, double* response) const;
   double work_of_drives(const mjData_* d, const Trees& trees, int tree, const HeldMotion& before,
                         const std::vector<double>& velocity);
-  // What of p the second half of a tree's step has: of one with gravity ahead, springs alone.
+  // What of p the Verlet corrector of a tree's step has: of one with gravity ahead, springs alone.
   double changing_potential(const mjData_* d, bool gravity_ahead, int dof) const;
   void find_energies(const mjData_* d, double length, const Memory& memory,
                      const TreeMotion& motion);
   // Finds what of it is in translations that coupled trees have in common.
   void find_common_momenta(const mjData_* d, const TreeMotion& motion);
-  // Finds what tells whether springs and drives alone bring the second half.
+  // Finds what tells whether springs and drives alone bring the Verlet corrector.
   void find_springs(const mjData_* d, const Memory& memory, const TreeMotion& motion);
   // Corrects the speed of trees that have no s, where coupled_energy.hpp lets it; their equalities
   // do not turn.
   void correct_speeds();
-  void book_second_half(EnergyLedger& ledger) const;
-  void add_second_half(const Trees& trees, RowData& data);
+  void book_corrector(EnergyLedger& ledger) const;
+  void add_corrector(const Trees& trees, RowData& data);
   void count_followed_changes(const Trees& trees);
   void stop_fast_turns(double length, Rows& rows);
   // Adds a tree's part of a load (nv) to its smooth acceleration.
@@ -147,8 +150,8 @@ class Trapezoid {
   // Keeps the mean forces of equalities, also in `wrench_`, and the work that they did because they
   // turned.
   void keep_equalities(const EndOfStep& end, Memory& memory, EnergyLedger& ledger);
-  // Keeps the length of the step for trees that it leaves a second half of; returns whether there
-  // are any.
+  // Keeps the length of the step for trees that it leaves a Verlet corrector of; returns whether
+  // there are any.
   bool keep_lengths(const EndOfStep& end, const TreeMotion& motion, HeldMotion& now) const;
   void keep_tree(const mjData_* d, const EndOfStep& end, int tree, const TreeMotion& motion,
                  HeldMotion& now);
@@ -160,7 +163,7 @@ class Trapezoid {
   DriveChanges drives_;
   std::vector<char> left_half_;                                    // by tree
   std::vector<CoupledEnergy> coupled_;                             // by first tree
-  std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
+  std::vector<double> wrench_, force_, corrector_, added_;         // by motion coordinate
   std::vector<double> load_response_;                              // of one tree, by the same
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
   // By the same, where rows may hold trees: forces that have a potential, and what linear springs
@@ -169,7 +172,7 @@ class Trapezoid {
   struct {
     std::vector<double> motion, momentum;  // generalized, of all trees
   } translation_;
-  // What springs and drives have of the second half.
+  // What springs and drives have of the Verlet corrector.
   struct {
     std::vector<double> rest, way;  // by degree of freedom, see CoupledEnergy
     std::vector<double> half;       // of one tree, by motion coordinate

@@ -2,7 +2,7 @@
 // from, and its state at the end of the step, with what the rows added.
 //
 // Free bodies follow the accurate motion of free_body.hpp. All other trees, the linked ones, take
-// the integral of their micro-step velocities, and with the second half of each step
+// the integral of their micro-step velocities, and with the Verlet corrector of each step
 // (trapezoid.hpp) follow velocity Verlet, in flight as under rows. MuJoCo's integrator has those of
 // models that can have no rows, and all of the complementarity-free law.
 

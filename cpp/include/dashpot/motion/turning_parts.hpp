@@ -24,8 +24,8 @@
 // parts, too.
 //
 // Equalities turn with what they couple, and the velocities at the end of a step, which lack its
-// second half (trapezoid.hpp), have an energy that is off by half the square of the angle. So a
-// step in which the row of one turns by more than kPartTurn, dJ/dt xi H over the speed that the
+// Verlet corrector (trapezoid.hpp), have an energy that is off by half the square of the angle. So
+// a step in which the row of one turns by more than kPartTurn, dJ/dt xi H over the speed that the
 // kinetic energy of all could give it, is taken in parts, too.
 
 #pragma once

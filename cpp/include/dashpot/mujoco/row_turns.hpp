@@ -4,7 +4,7 @@
 // gain energy, as a contact frozen there does (detection/turning.hpp): W^2 H / 2 a second. So does
 // the range of a ball joint, whose row is the axis that the joint has turned about. So limits have
 // the row of the middle of the step, to which the velocities of its start lead, and equalities,
-// which the second half of the step corrects (trapezoid.hpp), their turning,
+// which the Verlet corrector of the step corrects (trapezoid.hpp), their turning,
 //
 //     dJ/dt xi = (J(q + H/2 v) - J(q)) xi / (H/2) ,
 //
