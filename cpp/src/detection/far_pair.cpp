@@ -39,7 +39,7 @@ bool FarPair::find(const mjData* d, const ContactInput& contact) {
 }
 
 bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenContact& seen,
-                      const LonePairs& pairs, double length) const {
+                      const IsolatedPairs& pairs, double length) const {
   if (start.continued >= 0 && is_past_end(d, start, seen)) return false;
   if (!is_far_) return true;
   if (on_round_ && touches_round(seen.local_normal[0], seen.local_normal[1])) return true;

@@ -9,7 +9,7 @@
 
 #include "contact_motion.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "lone_pairs.hpp"
+#include "isolated_pairs.hpp"
 #include "seen_contacts.hpp"
 
 namespace dashpot::host {
@@ -24,7 +24,7 @@ class FarPair {
 
   // Whether a contact that is seen in the middle of a step of `length` (s) may be one of the start.
   bool follows(const mjData* d, const ContactInput& start, const SeenContact& seen,
-               const LonePairs& pairs, double length) const;
+               const IsolatedPairs& pairs, double length) const;
 
  private:
   bool runs_along(const ContactInput& contact) const;

@@ -16,7 +16,7 @@
 #include "contact_motion.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "far_pair.hpp"
-#include "lone_pairs.hpp"
+#include "isolated_pairs.hpp"
 #include "seen_contacts.hpp"
 
 namespace dashpot::host {
@@ -28,7 +28,7 @@ class PairAhead {
   // Of the contacts from `first` to `last`, of geoms that move as `motion` has it, in a step of
   // `length` (s).
   PairAhead(mjModel* m, mjData* d, ContactMotion& motion, const FarPair& far,
-            const LonePairs& pairs, double length, ContactInput* first, ContactInput* last)
+            const IsolatedPairs& pairs, double length, ContactInput* first, ContactInput* last)
       : model_(m),
         data_(d),
         motion_(motion),
@@ -62,7 +62,7 @@ class PairAhead {
   mjData* data_;
   ContactMotion& motion_;
   const FarPair& far_;
-  const LonePairs& pairs_;
+  const IsolatedPairs& pairs_;
   double length_;
   ContactInput *first_, *last_;
   double time_ = 0.0, way_ = 0.0;  // s, and how far (m) the pair moves up to then

@@ -1,7 +1,7 @@
 // The hits of two geoms: which of their contacts are hit in a step, and when the force of that acts
 // (rows/hit.hpp).
 //
-// A hit is known of two bodies that hit each other alone (detection/lone_pairs.hpp). Of most it
+// A hit is known of two bodies that hit each other alone (detection/isolated_pairs.hpp). Of most it
 // counts where it is over within the step: what lasts longer goes by the geometry of every step.
 // The normal of two round bodies turns on all the while, v_t / (r_1 + r_2), and a step in which the
 // hit begins or ends has its force at one end: theirs are followed however long they last, if they
@@ -12,14 +12,14 @@
 #include "contact_motion.hpp"
 #include "dashpot/detection/turning_step.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "lone_pairs.hpp"
+#include "isolated_pairs.hpp"
 
 namespace dashpot::host {
 
 class PairHits {
  public:
   // Of a pair that moves as `motion` has it.
-  PairHits(const ContactMotion& motion, const TurningStep& step, const LonePairs& pairs)
+  PairHits(const ContactMotion& motion, const TurningStep& step, const IsolatedPairs& pairs)
       : motion_(motion), step_(step), pairs_(pairs) {}
 
   // sqrt(k w) (rad/s) of a contact that is hit, or flies off; else 0.
@@ -48,7 +48,7 @@ class PairHits {
 
   const ContactMotion& motion_;
   const TurningStep& step_;
-  const LonePairs& pairs_;
+  const IsolatedPairs& pairs_;
 };
 
 }  // namespace dashpot::host

@@ -1,7 +1,7 @@
 #include "dashpot/detection/turning.hpp"
 
 #include "dashpot/detection/scratch.hpp"
-#include "lone_pairs.hpp"
+#include "isolated_pairs.hpp"
 #include "turning_pair.hpp"
 
 namespace dashpot::host {
@@ -19,7 +19,7 @@ void freeze_contacts(mjModel_* m, mjData_* d, const TurningStep& step, FaceBuffe
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
-  const LonePairs pairs(m, d, step, contacts);
+  const IsolatedPairs pairs(m, d, step, contacts);
   scratch.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {
     const WorkerScratch at(scratch, worker);

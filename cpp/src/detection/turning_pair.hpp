@@ -9,7 +9,7 @@
 #include "dashpot/detection/turning_step.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "far_pair.hpp"
-#include "lone_pairs.hpp"
+#include "isolated_pairs.hpp"
 #include "pair_ahead.hpp"
 #include "pair_hits.hpp"
 
@@ -20,7 +20,7 @@ struct FaceBuffers;
 class TurningPair {
  public:
   // Of the contacts from `first` to `last`.
-  TurningPair(mjModel* m, mjData* d, const TurningStep& step, const LonePairs& pairs,
+  TurningPair(mjModel* m, mjData* d, const TurningStep& step, const IsolatedPairs& pairs,
               ContactInput* first, ContactInput* last)
       : data_(d),
         step_(step),

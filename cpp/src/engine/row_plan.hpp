@@ -5,12 +5,12 @@
 
 #include <vector>
 
+#include "dashpot/islands/clamped_bodies.hpp"
 #include "dashpot/islands/group_material.hpp"
 #include "dashpot/islands/inactive_contacts.hpp"
 #include "dashpot/islands/island_hits.hpp"
 #include "dashpot/islands/islands.hpp"
-#include "dashpot/islands/pressed_between.hpp"
-#include "dashpot/islands/pressed_together.hpp"
+#include "dashpot/islands/modal_damping.hpp"
 #include "dashpot/islands/static_deflection_limits.hpp"
 #include "dashpot/islands/tied_mass.hpp"
 #include "dashpot/law/parameters.hpp"
@@ -42,8 +42,8 @@ class RowPlan {
  private:
   Islands islands_;
   StaticDeflectionLimits deflection_limits_;
-  PressedBetween pressed_between_;
-  PressedTogether pressed_together_;
+  ClampedBodies clamped_bodies_;
+  ModalDamping modal_damping_;
   InactiveContacts inactive_contacts_;
   TiedMass tied_mass_;
 };

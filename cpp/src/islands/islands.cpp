@@ -160,7 +160,7 @@ bool Islands::choose_microsteps(Island& island, const MicrostepDemand& demand) {
   if (island.hit) {
     HitMicrosteps of_hit = microsteps_of_hit(of_step, options);
     // What rests on others would sink in.
-    if (!demand.data.is_of_lone_pair[*island.group.first]) of_hit.stiff_for = of_step;
+    if (!demand.data.is_of_isolated_pair[*island.group.first]) of_hit.stiff_for = of_step;
     island.rigid_duration = step / of_hit.stiff_for;
     island.microsteps = part == step ? of_hit.count : rounded_up(part / step * of_hit.count);
     enough_for_friction = of_hit.count >= 2.0 * of_hit.stiff_for;

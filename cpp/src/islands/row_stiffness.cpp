@@ -147,13 +147,13 @@ double stiffness_for_damper(const Rates& asked, double own_damping, double most_
 // Longest micro-step that resolves the rates of a model's own solref: no shorter than that of a
 // rigid contact, unless this resolves the spring and the damper of what is pressed between others
 // alone asks for more.
-double longest_solref_microstep(const Rates& asked, const RigidCoupling& coupling,
-                                bool pressed_between, double rigid) {
+double longest_solref_microstep(const Rates& asked, const RigidCoupling& coupling, bool is_clamped,
+                                double rigid) {
   double of_stiffness = std::numeric_limits<double>::infinity(), of_damping = of_stiffness;
   if (asked.stiffness > 0.0)
     of_stiffness = std::sqrt(stiffest_rigid(coupling.stiffness) / asked.stiffness);
   if (asked.damping > 0.0) of_damping = most_damped_rigid(coupling.normal_damping) / asked.damping;
-  if (pressed_between && of_stiffness >= rigid) return std::min(of_stiffness, of_damping);
+  if (is_clamped && of_stiffness >= rigid) return std::min(of_stiffness, of_damping);
   return std::max(rigid, std::min(of_stiffness, of_damping));
 }
 
@@ -318,8 +318,8 @@ double longest_rigid_microstep(const Rows& rows, const RowGroup& c, const GroupM
   if (keeps_restitution(given))
     longest = std::min(longest, longest_inelastic_microstep(c, given.material, coupling, sag));
   if (given.from_solref)
-    longest = longest_solref_microstep(given_rates(rows, c, given), coupling, given.pressed_between,
-                                       longest);
+    longest =
+        longest_solref_microstep(given_rates(rows, c, given), coupling, given.is_clamped, longest);
   return longest;
 }
 

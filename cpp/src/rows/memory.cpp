@@ -254,7 +254,9 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
   slot.credit = data.credit[index];
   const double change = data.total_impulse[c.row] * rows.inverse_mass[c.row];  // m/s
   const bool comes = input.gap > 0.0 && change > kHitSpeed * rows.metre;
-  const Hit hit = !data.is_of_lone_pair[index] ? Hit::kNone : comes ? Hit::kNow : data.hit[index];
+  const Hit hit = !data.is_of_isolated_pair[index] ? Hit::kNone
+                  : comes                          ? Hit::kNow
+                                                   : data.hit[index];
   slot.hit = static_cast<double>(hit);
   slot.turning = turn_of_normal(c);
   slot.solref = c.solref;

@@ -212,7 +212,7 @@ void recall_contacts(const StepView& step, const Rows& rows, double recovery_spe
     if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
     const RememberedContact old = nearest < 0 ? RememberedContact{} : step.memory.contact(nearest);
     const double force = old.stiffness * old.compression;
-    const bool alone = data.is_of_lone_pair[index];
+    const bool alone = data.is_of_isolated_pair[index];
     const bool hit_now = alone && data.hit[index] != Hit::kNone;
     const bool hit_before = old.was_hit() && (alone || is_elastic(rows, c));
     // In a cluster a neighbour that is hit, too, or a part of a step that is short, makes it

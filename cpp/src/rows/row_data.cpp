@@ -51,7 +51,7 @@ void RowData::reset_rows(const Rows& rows) {
        {&offset, &credit, &beyond, &force_moment, &turning_work, &acceleration_work, &drift})
     array->assign(rows.group.size(), 0.0);
   sticking.assign(rows.group.size(), 1);
-  for (auto* array : {&touched, &is_of_lone_pair}) array->assign(rows.group.size(), 0);
+  for (auto* array : {&touched, &is_of_isolated_pair}) array->assign(rows.group.size(), 0);
   hit.assign(rows.group.size(), Hit::kNone);
   work = recovery_input = EnergyShares{};
 }

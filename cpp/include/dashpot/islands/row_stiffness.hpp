@@ -2,7 +2,7 @@
 //
 // A material in SI units gives them in N/m and N s/m. Rigid rows are as stiff as micro-steps of h
 // resolve: k = kappa / w, d = delta / w, w of normals being the mean of the contacts between two
-// bodies (pressed_together.hpp). With c the bound of the unit-weighted rows, diag(A) = 1 in
+// bodies (modal_damping.hpp). With c the bound of the unit-weighted rows, diag(A) = 1 in
 // these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
 // resolved:
 //

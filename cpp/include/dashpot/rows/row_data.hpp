@@ -39,7 +39,7 @@ struct RowData {
   std::vector<double> offset;
   std::vector<char> sticking, touched;
   std::vector<Hit> hit;
-  std::vector<char> is_of_lone_pair;
+  std::vector<char> is_of_isolated_pair;
   // Per group: energy (J) that rising stiffness took from its springs and falling stiffness may
   // give back (recall.hpp).
   std::vector<double> credit;

@@ -157,7 +157,7 @@ struct RowGroup {
   bool is_of_round_hit = false;
   // Of the contacts between its two bodies: the mean w of their normals, 1/kg, 0 of what is no
   // contact; the first of these groups; and the square of the frequency at which they are pressed
-  // together, over that of one of this w alone (pressed_together.hpp).
+  // together, over that of one of this w alone (modal_damping.hpp).
   double pair_inverse_mass = 0.0;
   int first_of_pair = 0;
   double pressed = 1.0;

@@ -33,7 +33,7 @@ struct mjModel_;
 namespace dashpot {
 
 // Keeps its arrays from step to step.
-class PressedTogether {
+class ModalDamping {
  public:
   // Fills RowGroup::pair_inverse_mass and first_of_pair of contacts that are on no solref, and
   // RowGroup::pressed of those whose material gives a damping ratio (rigid ones: a restitution),

@@ -1,4 +1,4 @@
-#include "dashpot/islands/pressed_together.hpp"
+#include "dashpot/islands/modal_damping.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -55,10 +55,10 @@ double mean_inverse_mass(const Rows& rows, size_t first, size_t last,
 
 }  // namespace
 
-void PressedTogether::find(const mjModel_* model, const std::vector<GroupMaterial>& materials,
-                           const std::vector<ContactInput>& contacts, const Trees& trees,
-                           const std::vector<char>& stays_open, const RowData& data, double length,
-                           Rows& rows) {
+void ModalDamping::find(const mjModel_* model, const std::vector<GroupMaterial>& materials,
+                        const std::vector<ContactInput>& contacts, const Trees& trees,
+                        const std::vector<char>& stays_open, const RowData& data, double length,
+                        Rows& rows) {
   const size_t count = rows.group.size();
   compression_.assign(count, 1.0);
   const bool any_ties = count > 0 && rows.group[0].kind != RowKind::kContact;
@@ -91,9 +91,9 @@ void PressedTogether::find(const mjModel_* model, const std::vector<GroupMateria
   }
 }
 
-void PressedTogether::find_compressions(const Rows& rows, const std::vector<ContactInput>& contacts,
-                                        const GroupMaterial& given, size_t first, size_t last,
-                                        const RowData& data, double length) {
+void ModalDamping::find_compressions(const Rows& rows, const std::vector<ContactInput>& contacts,
+                                     const GroupMaterial& given, size_t first, size_t last,
+                                     const RowData& data, double length) {
   approach_.clear();
   double onset = length, lasting = given.is_rigid() ? kRigidMicrostep : 0.0;
   for (size_t i = first; i < last; ++i) {
@@ -114,8 +114,8 @@ void PressedTogether::find_compressions(const Rows& rows, const std::vector<Cont
         std::max(0.0, time * approach_[i - first] - contacts[rows.group[i].input].gap);
 }
 
-double PressedTogether::square_frequency(const Rows& rows, const Trees& trees, size_t first,
-                                         size_t last, bool rigid) {
+double ModalDamping::square_frequency(const Rows& rows, const Trees& trees, size_t first,
+                                      size_t last, bool rigid) {
   force_.resize(trees.coordinates);
   response_.resize(trees.coordinates);
   std::fill_n(force_.begin(), kGroundCoordinates, 0.0);

@@ -1,4 +1,4 @@
-#include "dashpot/islands/pressed_between.hpp"
+#include "dashpot/islands/clamped_bodies.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -32,14 +32,14 @@ void press(const ContactInput& input, const Rows& rows, const RowGroup& c, doubl
   // Rows have delta over sqrt(A w).
   const double scale = std::sqrt(rows.bounded_inverse_mass(c.row) / typical);
   given.normalised_damping = std::max(given.normalised_damping, damping * scale);
-  given.pressed_between = true;
+  given.is_clamped = true;
 }
 
 }  // namespace
 
 // On the body of one of a contact's geoms, by the other's.
-PressedBetween::Push PressedBetween::push_of(const mjModel_* model, const ContactInput& input,
-                                             int side) {
+ClampedBodies::Push ClampedBodies::push_of(const mjModel_* model, const ContactInput& input,
+                                           int side) {
   const double sign = side == 0 ? -1.0 : 1.0;
   return {host::moved_body(model, input.geom[side]),
           input.tree[1 - side],
@@ -47,7 +47,7 @@ PressedBetween::Push PressedBetween::push_of(const mjModel_* model, const Contac
 }
 
 // All pushes within 60 degrees of their mean, as those on a tray, leave no two that are opposed.
-bool PressedBetween::any_opposed(const Push* first, const Push* last) {
+bool ClampedBodies::any_opposed(const Push* first, const Push* last) {
   std::array<double, 3> mean{};
   for (const Push* push = first; push != last; ++push)
     for (int i = 0; i < 3; ++i) mean[i] += push->direction[i];
@@ -62,9 +62,9 @@ bool PressedBetween::any_opposed(const Push* first, const Push* last) {
   });
 }
 
-void PressedBetween::find_pressed_bodies(const mjModel_* model,
-                                         const std::vector<ContactInput>& contacts,
-                                         const Rows& rows) {
+void ClampedBodies::find_pressed_bodies(const mjModel_* model,
+                                        const std::vector<ContactInput>& contacts,
+                                        const Rows& rows) {
   pushes_.clear();
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kContact || contacts[c.input].gap >= 0.0) continue;
@@ -83,12 +83,12 @@ void PressedBetween::find_pressed_bodies(const mjModel_* model,
   }
 }
 
-bool PressedBetween::is_pressed(int body) const {
+bool ClampedBodies::is_pressed(int body) const {
   return body >= 0 && std::binary_search(pressed_.begin(), pressed_.end(), body);
 }
 
-void PressedBetween::find(const mjModel_* model, const std::vector<ContactInput>& contacts,
-                          const Rows& rows, std::vector<GroupMaterial>& materials) {
+void ClampedBodies::find(const mjModel_* model, const std::vector<ContactInput>& contacts,
+                         const Rows& rows, std::vector<GroupMaterial>& materials) {
   const size_t count = rows.group.size();
   bool any = false;
   for (size_t i = 0; i < count && !any; ++i) any = follows_solref(rows.group[i], materials[i]);

@@ -1,4 +1,4 @@
-#include "lone_pairs.hpp"
+#include "isolated_pairs.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -21,13 +21,13 @@ std::array<double, 3> into_side(const std::array<double, 3>& normal, int side) {
 
 }  // namespace
 
-LonePairs::Chains& LonePairs::chains() {
+IsolatedPairs::Chains& IsolatedPairs::chains() {
   thread_local Chains chains;
   return chains;
 }
 
-LonePairs::LonePairs(const mjModel_* m, const mjData_* d, const TurningStep& step,
-                     const std::vector<ContactInput>& contacts)
+IsolatedPairs::IsolatedPairs(const mjModel_* m, const mjData_* d, const TurningStep& step,
+                             const std::vector<ContactInput>& contacts)
     : model_(m), data_(d), step_(step), hit_speed_(kHitSpeed * metre(m)), chains_(chains()) {
   const Memory& memory = step.memory;
   auto& [pairs, first_of_tree, hits] = chains();
@@ -57,7 +57,7 @@ LonePairs::LonePairs(const mjModel_* m, const mjData_* d, const TurningStep& ste
   }
 }
 
-bool LonePairs::is_alone(const ContactInput& contact, double deepest) const {
+bool IsolatedPairs::is_alone(const ContactInput& contact, double deepest) const {
   const std::array<double, 3> normal{contact.frame[0], contact.frame[1], contact.frame[2]};
   for (int side = 0; side < 2; ++side) {
     const int tree = contact.tree[side];
@@ -75,7 +75,7 @@ bool LonePairs::is_alone(const ContactInput& contact, double deepest) const {
   return true;
 }
 
-double LonePairs::compression(const ContactInput& contact) const {
+double IsolatedPairs::compression(const ContactInput& contact) const {
   const auto comes_before = [](const PastHit& hit, const std::array<int, 2>& geom) {
     return hit.geom < geom;
   };
@@ -93,7 +93,7 @@ double LonePairs::compression(const ContactInput& contact) const {
 }
 
 // When the first gap of a pair closes (s), infinite if none does in the step.
-double LonePairs::onset(const ContactInput* first, const ContactInput* last) const {
+double IsolatedPairs::onset(const ContactInput* first, const ContactInput* last) const {
   ContactMotion motion(model_, data_, step_.length);
   if (std::any_of(first, last, [](const ContactInput& c) { return c.gap <= 0.0; }) ||
       !motion.find(*first, step_))

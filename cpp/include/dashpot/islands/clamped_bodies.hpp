@@ -24,7 +24,7 @@ struct mjModel_;
 namespace dashpot {
 
 // Keeps its arrays from step to step.
-class PressedBetween {
+class ClampedBodies {
  public:
   // Sets the damping of contacts of bodies that are pressed between others and follow the model's
   // own solref.

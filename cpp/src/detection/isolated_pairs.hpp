@@ -22,10 +22,10 @@ struct mjData_;
 namespace dashpot::host {
 
 // Of one step. Contacts of a pair follow each other, and stay where they are meanwhile.
-class LonePairs {
+class IsolatedPairs {
  public:
-  LonePairs(const mjModel_* m, const mjData_* d, const TurningStep& step,
-            const std::vector<ContactInput>& contacts);
+  IsolatedPairs(const mjModel_* m, const mjData_* d, const TurningStep& step,
+                const std::vector<ContactInput>& contacts);
 
   // Slower than this (m/s) nothing is hit.
   double hit_speed() const { return hit_speed_; }
