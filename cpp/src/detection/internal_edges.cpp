@@ -30,7 +30,8 @@ bool may_roll_over_internal_edge(const mjModel* m, const ContactInput& contact) 
   return held_by == 0 || has_more_geoms(m, held_by);
 }
 
-// Contacts of round geoms that roll over an internal edge, which the tile ahead takes over.
+// Contacts of round geoms that roll over an internal edge: the tile ahead has one in the same
+// place.
 class GhostContacts {
  public:
   GhostContacts(const mjModel_* m, const mjData_* d, const Supports& supports, FaceBuffers& faces,
@@ -67,7 +68,7 @@ void GhostContacts::replace(size_t first, size_t last, std::vector<int>& success
   }
   for (size_t i = first; i < last; ++i) {
     if (successor[i - first] < 0) continue;
-    auto& others = contacts_[successor[i - first]].replaced;
+    auto& others = contacts_[successor[i - first]].ghosts;
     const auto end = std::find(others.begin(), others.end(), -1);
     if (end != others.end() && std::find(others.begin(), end, contacts_[i].geom[1]) == end)
       *end = contacts_[i].geom[1];

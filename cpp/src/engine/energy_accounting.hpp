@@ -1,4 +1,4 @@
-// What becomes of its energy (rows/energy_ledger.hpp).
+// What becomes of the energy of a step (rows/energy_ledger.hpp).
 
 #pragma once
 
@@ -8,7 +8,7 @@
 #include "dashpot/rows/energy_ledger.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/threads/team.hpp"
-#include "solved_part.hpp"
+#include "solved_substep.hpp"
 
 struct mjData_;
 
@@ -17,18 +17,20 @@ namespace dashpot {
 // Keeps its arrays from step to step.
 class EnergyAccounting {
  public:
-  // Opens them with the ledger that memory has, but for the energy of what sleeps.
+  // Begins with the ledger that memory has, but for the energy of what sleeps.
   void open(const Memory& memory, const MarkedRows& sleeping);
   void close(Memory& memory);
   EnergyLedger& ledger() { return ledger_; }
 
   // By tree, work (J) of contacts, because they turn, that no spring paid for: no more than all
   // contacts together did too much. Shared by two trees as their relative motion is.
-  void find_unpaid(const Memory& memory, const SolvedPart& part, std::vector<double>& unpaid) const;
-  // After the state is that of the end of the part: books the work of smooth forces and surfaces.
-  void add_smooth_work(mjData_* d, const SolvedPart& part, Team& team);
+  void find_unpaid(const Memory& memory, const SolvedSubstep& substep,
+                   std::vector<double>& unpaid) const;
+  // After the state is that of the end of the substep: books the work of smooth forces and
+  // surfaces.
+  void add_smooth_work(mjData_* d, const SolvedSubstep& substep, Team& team);
   // Books the kinetic energy of trees that fall asleep, and keeps the ledger in memory.
-  void lose_motion(const mjData_* d, const SolvedPart& part, const std::vector<int>& trees,
+  void lose_motion(const mjData_* d, const SolvedSubstep& substep, const std::vector<int>& trees,
                    Memory& memory);
 
   // By degree of freedom: what the change of kinetic energy goes with, and how far recovery of
@@ -37,8 +39,8 @@ class EnergyAccounting {
   const std::vector<double>& recovered() const { return recovered_; }
 
  private:
-  void find_displacements(const mjData_* d, const SolvedPart& part, Team& team);
-  double work_ahead_of_servos(const SolvedPart& part) const;
+  void find_displacements(const mjData_* d, const SolvedSubstep& substep, Team& team);
+  double work_ahead_of_servos(const SolvedSubstep& substep) const;
 
   EnergyLedger ledger_;
   double elastic_asleep_ = 0.0;  // J

@@ -74,26 +74,26 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   MemoryAtStart at_start{host::memory(model, d, memory_layout.size()), {}};
   forget_moved_by_hand(d, at_start.before);
   const host::DampersInRows dampers(model, motion.own() && in_touch(d), detection.dampers);
-  host::StepParts parts(model, d);
+  host::Substeps substeps(model, d);
   host::SleepAtStart sleep(model, d, sleeping.at_start());
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
                            : leave_rows                     ? host::ContactRows::kIfTheyFit
                                                             : host::ContactRows::kNone;
   clock = StepClock();
-  clock.whole = parts.whole();
+  clock.whole = substeps.whole();
   StepStats total;
   int taken = 0;
   for (double remaining = clock.whole; remaining > kSliverOfStep * clock.whole;
        remaining -= clock.length) {
     clock.length = remaining;
-    if (parts.cut()) parts.set_length(clock.length);
-    advance(d, parts, mocap);
+    if (substeps.cut()) substeps.set_length(clock.length);
+    advance(d, substeps, mocap);
     clock.cuts += clock.cut_short;
-    parts.end_part();
+    substeps.end_substep();
     accumulate(statistics(), total);
     ++taken;
   }
-  parts.finish();
+  substeps.finish();
   sleep.finish();
   at_start.before.clear();
   fall_asleep(d, mocap);
@@ -117,22 +117,22 @@ bool Stepper::Impl::in_touch(mjData_* d) const {
   return of_last.starts() ? host::has_equalities(model) : of_last.has_rows();
 }
 
-void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
-  const bool new_control = !parts.cut();
-  start_part(d, new_control, host::Sensors::kForCallbacks, is_rough(parts), mocap);
-  solve_part(d, parts, mocap);
+void Stepper::Impl::advance(mjData_* d, host::Substeps& substeps, host::MocapMotion& mocap) {
+  const bool new_control = !substeps.cut();
+  start_substep(d, new_control, host::Sensors::kForCallbacks, is_rough(substeps), mocap);
+  solve_substep(d, substeps, mocap);
   find_forces(d);
   report_forces(d);
   advance_state(d);
   mocap.write_velocities();
-  accounting.add_smooth_work(d, solved_part(), team);
+  accounting.add_smooth_work(d, solved_substep(), team);
   accounting.ledger().work += mocap.work_against_gravity(clock.length);
   mocap.advance(clock.length);
   remember(d, mocap);
 }
 
-void Stepper::Impl::start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
-                               host::MocapMotion& mocap) {
+void Stepper::Impl::start_substep(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
+                                  host::MocapMotion& mocap) {
   motion.start(d, may_have_rows);
   mocap.begin(clock.length);
   host::wake_switched(model, d, memory(d));
@@ -147,7 +147,7 @@ void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
     mocap.drive(constraints);
   } while (wake_reached(d, mocap));
   sleeping.leave_out(model, d, contacts, constraints);
-  part = Part();
+  substep = Substep();
   correct_contacts_ahead(d);
   mocap.drive(contacts);
 }
@@ -170,7 +170,7 @@ bool Stepper::Impl::wake_reached(mjData_* d, const host::MocapMotion& mocap) {
 // Puts islands to sleep that have come to rest. What memory keeps of their motion is forgotten.
 void Stepper::Impl::fall_asleep(mjData_* d, const host::MocapMotion& mocap) {
   if (!host::may_sleep(model)) return;
-  const SolvedPart solved = solved_part();
+  const SolvedSubstep solved = solved_substep();
   const std::vector<int>& falling =
       sleeping.find_falling(d, solved, plan.islands(), mocap, accounting.recovered());
   if (falling.empty()) return;
@@ -214,8 +214,8 @@ void Stepper::Impl::complete_last_step(mjData_* d) {
                           mocap_buffers);
   detection.contact_rows = host::ContactRows::kNone;
   clock = StepClock();
-  clock.whole = clock.length = host::StepParts(model, d).whole();
-  start_part(d, true, host::Sensors::kStay, false, mocap);
+  clock.whole = clock.length = host::Substeps(model, d).whole();
+  start_substep(d, true, host::Sensors::kStay, false, mocap);
   detect(d, mocap);
   find_rows(d, mocap);
   if (const double* added = trapezoid.added_velocity())

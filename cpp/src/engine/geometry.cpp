@@ -1,5 +1,5 @@
 // The geometry that rows have: of the middle of the step where bodies touch and turn
-// (detection/turning.hpp), of the middle of the part where an impact has cut it (impact.hpp).
+// (detection/turning.hpp), of the middle of the substep where an impact has cut it (impact.hpp).
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
-// How the rows of a part are solved: which islands they form, what hits, presses or stays open in
-// them, and from that their stiffness and micro-steps.
+// How the rows of a substep are solved: which islands they form, what hits, presses or stays open
+// in them, and from that their stiffness and micro-steps.
 
 #pragma once
 

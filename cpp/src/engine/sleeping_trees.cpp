@@ -41,30 +41,30 @@ void SleepingTrees::leave_out(const mjModel_* m, const mjData_* d,
                     constraints.end());
 }
 
-const std::vector<int>& SleepingTrees::find_falling(mjData_* d, const SolvedPart& part,
+const std::vector<int>& SleepingTrees::find_falling(mjData_* d, const SolvedSubstep& substep,
                                                     const std::vector<Island>& islands,
                                                     const host::MocapMotion& mocap,
                                                     const std::vector<double>& recovered) {
-  island_of_.assign(part.motion.tree_count(), -1);
+  island_of_.assign(substep.motion.tree_count(), -1);
   for (size_t i = 0; i < islands.size(); ++i)
     for (int tree : islands[i].tree) island_of_[tree] = static_cast<int>(i);
-  find_driven(part, mocap);
+  find_driven(substep, mocap);
   recovery_speed_ = recovered;
-  for (double& speed : recovery_speed_) speed /= part.length;
-  falling_ = host::find_falling_asleep(part.model, d, island_of_, driven_, recovery_speed_);
+  for (double& speed : recovery_speed_) speed /= substep.length;
+  falling_ = host::find_falling_asleep(substep.model, d, island_of_, driven_, recovery_speed_);
   return falling_;
 }
 
 // Finds which trees mocap bodies that move touch or hold.
-void SleepingTrees::find_driven(const SolvedPart& part, const host::MocapMotion& mocap) {
-  driven_.assign(part.motion.tree_count(), 0);
+void SleepingTrees::find_driven(const SolvedSubstep& substep, const host::MocapMotion& mocap) {
+  driven_.assign(substep.motion.tree_count(), 0);
   const auto drive = [&](const std::array<int, 2>& trees) {
     for (int tree : trees)
       if (tree >= 0) driven_[tree] = 1;
   };
-  for (const ContactInput& contact : part.contacts)
+  for (const ContactInput& contact : substep.contacts)
     if (mocap.moves(contact.geom[0]) || mocap.moves(contact.geom[1])) drive(contact.tree);
-  for (const ConstraintInput& constraint : part.constraints)
+  for (const ConstraintInput& constraint : substep.constraints)
     if (constraint.drive != 0.0) drive(constraint.tree);
 }
 

@@ -8,7 +8,7 @@
 #include "dashpot/mujoco/mocap_motion.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "solved_part.hpp"
+#include "solved_substep.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -34,7 +34,7 @@ class SleepingTrees {
 
   // Counts the step, and finds the trees whose islands have come to rest in it. `recovered`, by
   // degree of freedom: how far recovery took positions beside their velocity.
-  const std::vector<int>& find_falling(mjData_* d, const SolvedPart& part,
+  const std::vector<int>& find_falling(mjData_* d, const SolvedSubstep& substep,
                                        const std::vector<Island>& islands,
                                        const host::MocapMotion& mocap,
                                        const std::vector<double>& recovered);
@@ -42,7 +42,7 @@ class SleepingTrees {
   void put_to_sleep(mjModel_* m, mjData_* d) const;
 
  private:
-  void find_driven(const SolvedPart& part, const host::MocapMotion& mocap);
+  void find_driven(const SolvedSubstep& substep, const host::MocapMotion& mocap);
 
   std::vector<int> at_start_, falling_;
   MarkedRows rows_;

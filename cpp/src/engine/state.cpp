@@ -1,5 +1,5 @@
-// The forces of a part and how the state follows: trees that rows moved go as in the micro-steps,
-// and so do links in flight.
+// The forces of a substep and how the state follows: trees that rows moved go as in the
+// micro-steps, and so do links in flight.
 
 #include "dashpot/mujoco/state.hpp"
 
@@ -43,7 +43,7 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree) const {
 
 // Under those of the micro-steps MuJoCo's integrator goes on.
 void Stepper::Impl::find_forces(mjData_* d) {
-  const SolvedPart solved = solved_part();
+  const SolvedSubstep solved = solved_substep();
   forces.start(rows);
   trapezoid.add_borne(forces.borne());
   const bool looked_at = detection.contact_rows != host::ContactRows::kNone;
@@ -52,7 +52,7 @@ void Stepper::Impl::find_forces(mjData_* d) {
 }
 
 void Stepper::Impl::report_forces(mjData_* d) {
-  const SolvedPart solved = solved_part();
+  const SolvedSubstep solved = solved_substep();
   accounting.find_unpaid(memory(d), solved, on_trees.unpaid);
   forces.find_reported(d, solved);
   forces.report(d, solved);

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "dashpot/threads/team.hpp"
-#include "solved_part.hpp"
+#include "solved_substep.hpp"
 
 struct mjData_;
 
@@ -15,20 +15,21 @@ namespace dashpot {
 // Keeps its arrays from step to step.
 class StepForces {
  public:
-  // Forgets those of another part.
+  // Forgets those of another substep.
   void start(const Rows& rows);
   // By row, impulses of what rows bore of changes of velocity beside the micro-steps
   // (holding_rows.hpp), to be added to.
   std::vector<double>& borne() { return borne_; }
   // Finds the mean forces of the micro-steps, and sets them in `d`.
-  void find(mjData_* d, const SolvedPart& part, Team& team);
+  void find(mjData_* d, const SolvedSubstep& substep, Team& team);
   // Takes contacts beyond the model's own margin and gap out of `d` that bore nothing; `contacts`
   // get their new places there.
-  void leave_out_untouched(mjData_* d, const SolvedPart& part, std::vector<ContactInput>& contacts);
+  void leave_out_untouched(mjData_* d, const SolvedSubstep& substep,
+                           std::vector<ContactInput>& contacts);
   // Finds what is to be reported, once all is known of what rows bore.
-  void find_reported(const mjData_* d, const SolvedPart& part);
+  void find_reported(const mjData_* d, const SolvedSubstep& substep);
   // Sets the forces of MuJoCo's rows, and evaluates its sensors of accelerations.
-  void report(mjData_* d, const SolvedPart& part);
+  void report(mjData_* d, const SolvedSubstep& substep);
   // Whether generalized forces and accelerations are reported that MuJoCo's integrator does not
   // take.
   bool report_others() const { return report_others_; }
@@ -40,8 +41,8 @@ class StepForces {
 
  private:
   bool has_borne(const RowGroup& group) const;
-  void keep_borne_inside_cones(const SolvedPart& part);
-  void find_mean_acceleration(int tree, const SolvedPart& part);
+  void keep_borne_inside_cones(const SolvedSubstep& substep);
+  void find_mean_acceleration(int tree, const SolvedSubstep& substep);
 
   std::vector<double> of_microsteps_;  // generalized
   // By row and by motion coordinate; by row, forces with these.

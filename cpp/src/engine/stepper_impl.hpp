@@ -1,8 +1,8 @@
-// What a stepper holds. The step is in engine.cpp; how far its parts go in part_length.cpp, their
-// rows in part_rows.cpp, the geometry of these in geometry.cpp, the state at the end in state.cpp.
-// How rows are planned is in row_plan.hpp, what their forces are in step_forces.hpp, what becomes
-// of energy in energy_accounting.hpp, and what sleeps in sleeping_trees.hpp. What is virtual is
-// another thing under the complementarity-free law (comfree_stepper.hpp).
+// What a stepper holds. The step is in engine.cpp; how far its substeps go in part_length.cpp,
+// their rows in part_rows.cpp, the geometry of these in geometry.cpp, the state at the end in
+// state.cpp. How rows are planned is in row_plan.hpp, what their forces are in step_forces.hpp,
+// what becomes of energy in energy_accounting.hpp, and what sleeps in sleeping_trees.hpp. What is
+// virtual is another thing under the complementarity-free law (comfree_stepper.hpp).
 
 #pragma once
 
@@ -35,7 +35,7 @@
 #include "row_assembly.hpp"
 #include "row_plan.hpp"
 #include "sleeping_trees.hpp"
-#include "solved_part.hpp"
+#include "solved_substep.hpp"
 #include "step_forces.hpp"
 
 namespace dashpot {
@@ -45,25 +45,25 @@ struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p, int threads, bool own = true);
   virtual ~Impl() = default;
 
-  // A step and its parts (engine.cpp).
+  // A step and its substeps (engine.cpp).
   StepStats step(mjData_* d, bool leave_rows);
   StepStats take_step(mjData_* d, bool leave_rows);
   virtual void complete_last_step(mjData_* d);
   void follow_edits();
   bool in_touch(mjData_* d) const;
-  void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
-  void start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
-                  host::MocapMotion& mocap);
+  void advance(mjData_* d, host::Substeps& substeps, host::MocapMotion& mocap);
+  void start_substep(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
+                     host::MocapMotion& mocap);
   void detect(mjData_* d, host::MocapMotion& mocap);
 
-  // How far a part goes (part_length.cpp).
-  virtual void solve_part(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  // How far a substep goes (part_length.cpp).
+  virtual void solve_substep(mjData_* d, host::Substeps& substeps, host::MocapMotion& mocap);
   double length_of_turns(mjData_* d);
   double length_of_what_came();
-  bool shorten(double shorter, host::StepParts& parts);
-  void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
-  bool is_rough(const host::StepParts& parts) const;
-  void cut_at_impact(mjData_* d, host::StepParts& parts);
+  bool shorten(double shorter, host::Substeps& substeps);
+  void detect_and_solve(mjData_* d, host::Substeps& substeps, host::MocapMotion& mocap);
+  bool is_rough(const host::Substeps& substeps) const;
+  void cut_at_impact(mjData_* d, host::Substeps& substeps);
   void propagate_impacts(mjData_* d, host::MocapMotion& mocap);
   void find_mean_velocity();
   void find_end_gaps();
@@ -86,7 +86,7 @@ struct Stepper::Impl {
   void build_rows(mjData_* d);
   void act_along_in_links(mjData_* d);
 
-  // What rows do over the part.
+  // What rows do over the substep.
   virtual void finish_last_step(mjData_* d);
   virtual void act(mjData_* d);
   void plan_and_recall(mjData_* d);
@@ -96,19 +96,19 @@ struct Stepper::Impl {
   void check_memory(mjData_* d) const;
   void find_touched_trees();
 
-  // The state at the end of the part (state.cpp), and the forces that lead there.
+  // The state at the end of the substep (state.cpp), and the forces that lead there.
   void find_forces(mjData_* d);
   virtual void report_forces(mjData_* d);
   void integrate_by_mujoco(mjData_* d);
   virtual void advance_state(mjData_* d);
   RowsOnTree rows_on_tree(int tree) const;
 
-  // What is kept of the part, and told of it.
+  // What is kept of the substep, and told of it.
   void forget_moved_by_hand(mjData_* d, std::vector<double>& before);
   void remember(mjData_* d, const host::MocapMotion& mocap);
   Memory memory(mjData_* d) const;
   StepView view(mjData_* d) const;
-  SolvedPart solved_part() const;
+  SolvedSubstep solved_substep() const;
   StepStats statistics() const;
 
   Team team;
@@ -123,11 +123,11 @@ struct Stepper::Impl {
   TreeMotion motion;
   Trapezoid trapezoid;
 
-  // Found anew in every step or part of one, or kept from one to the next for their arrays.
+  // Found anew in every step or substep, or kept from one to the next for their arrays.
 
-  // Detection, and where it ends the part.
+  // Detection, and where it ends the substep.
   StepClock clock;
-  Part part;
+  Substep substep;
   FlightContacts flights;
   ImpactPropagation propagation;
   std::vector<double> mean_velocity, end_gap;  // (nv); by contact, m
@@ -142,7 +142,7 @@ struct Stepper::Impl {
   // Rows, their material and geometry.
   std::vector<ContactInput> contacts;
   std::vector<ConstraintInput> constraints;
-  bool geometry_of_middle = false;  // of the part, not of its start
+  bool geometry_of_middle = false;  // of the substep, not of its start
   std::vector<double> tree_ahead;   // by tree: s, its inertia is of then; 0: the start
   host::RowTurns row_turns;
   Rows rows;

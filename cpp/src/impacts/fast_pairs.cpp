@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// A blow between round bodies that has begun fast goes on so: parts of another length end it as
+// A blow between round bodies that has begun fast goes on so: substeps of another length end it as
 // another blow. Factor on the step, by which its pair counts as fast.
 constexpr double kGoesOn = 2.0;
 

@@ -24,7 +24,7 @@ namespace dashpot {
 
 struct FastPair : PairMotion {
   double margin = 0.0;   // m, distance at which contact starts
-  bool apart = false;    // from each other, proven for this part
+  bool apart = false;    // from each other, proven for this substep
   double clear = 0.0;    // s, how long it is proven
   bool pressed = false;  // round, with compression remembered
 };

@@ -107,7 +107,7 @@ void ContactMatching::match_at_internal_edges(const Memory& memory,
       least = away;
       nearest = slot;
     };
-    for (int other : input.replaced)
+    for (int other : input.ghosts)
       if (other >= 0) slots_.for_each(pair_key(input.geom[0], other), visit);
     if (nearest >= 0) heir_[nearest] = static_cast<int>(index);
   }

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "coupled_trees.hpp"
-#include "dashpot/motion/turning_parts.hpp"
+#include "dashpot/motion/turning_substeps.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
 #include "dashpot/mujoco/springs_and_dampers.hpp"
@@ -306,7 +306,7 @@ void Trapezoid::stop_fast_turns(double length, Rows& rows) {
     // Of a row across the plane of a linkage rounding is all that moves and turns.
     const bool moves = w > kDirection * kDirection * rows.typical_inverse_mass[c.row];
     if (moves && !is_driven) fastest_turn_ = std::max(fastest_turn_, turn);
-    if (!is_driven && turn > kPartTurn) coupled.turns = false;
+    if (!is_driven && turn > kSubstepTurn) coupled.turns = false;
   }
   for (const RowGroup& c : rows.group)
     if (c.kind == RowKind::kBilateral && !coupled_[first_[c.tree[0]]].turns) stop_turning(rows, c);

@@ -16,7 +16,7 @@ namespace dashpot::host {
 
 namespace {
 
-constexpr double kSliver = 1e-9;  // of a part, by which sums of lengths are off
+constexpr double kSliver = 1e-9;  // of a substep, by which sums of lengths are off
 
 MocapVector times(double factor, const MocapVector& v) {
   return {factor * v[0], factor * v[1], factor * v[2]};
@@ -117,9 +117,9 @@ void MocapMotion::begin(double length) {
   }
   for (size_t i : buffers_.active) {
     find_mean_velocity(length, buffers_.body[i]);
-    if (first_part_) find_acceleration(length, i);
+    if (first_substep_) find_acceleration(length, i);
   }
-  first_part_ = false;
+  first_substep_ = false;
   buffers_.end_position.clear();
   buffers_.drive.clear();
   if (anything_moves() && (model_->neq > 0 || model_->ntendon > 0)) find_constraints(length);

@@ -152,10 +152,10 @@ OwnedData make_data(const mjModel_* m) {
   return data;
 }
 
-StepParts::StepParts(mjModel_* m, mjData_* d)
+Substeps::Substeps(mjModel_* m, mjData_* d)
     : model_(m), data_(d), timestep_(m->opt.timestep), end_(d->time + m->opt.timestep) {}
 
-StepParts::~StepParts() {
+Substeps::~Substeps() {
   if (!cut()) return;
   model_->opt.timestep = timestep_;
   if (finished_)
@@ -164,7 +164,7 @@ StepParts::~StepParts() {
     mj_setState(model_, data_, start_.data(), kState);
 }
 
-void StepParts::set_length(double length) {
+void Substeps::set_length(double length) {
   if (!cut()) {
     start_.resize(mj_stateSize(model_, kState));
     mj_getState(model_, data_, start_.data(), kState);
@@ -172,7 +172,7 @@ void StepParts::set_length(double length) {
   model_->opt.timestep = length;
 }
 
-void StepParts::end_part() {
+void Substeps::end_substep() {
   if (!cut() || model_->nhistory == 0) return;
   if (history_.empty())
     history_.assign(data_->history, data_->history + model_->nhistory);

@@ -215,7 +215,7 @@ void recall_contacts(const StepView& step, const Rows& rows, double recovery_spe
     const bool alone = data.is_of_isolated_pair[index];
     const bool hit_now = alone && data.hit[index] != Hit::kNone;
     const bool hit_before = old.was_hit() && (alone || is_elastic(rows, c));
-    // In a cluster a neighbour that is hit, too, or a part of a step that is short, makes it
+    // In a cluster a neighbour that is hit, too, or a substep that is short, makes it
     // stiffer.
     const bool stiffens = is_elastic(rows, c) && rows.stiffness[c.row] > old.stiffness;
     const bool hit =

@@ -19,7 +19,7 @@
 // What rolls over an internal edge is for a while in touch with the face of one tile and the edge
 // of the other, in one place: two springs, of which the one ahead begins without compression. Of
 // balls, ellipsoids, capsules and cylinders, and tiles that are geoms of one body, only the deeper
-// contact stays, and takes over what the other remembers (ContactInput::replaced), unless the other
+// contact stays, and remembers what the other does (ContactInput::ghosts), unless the other
 // face lies beneath: a core bears what is pressed through a skin.
 
 #pragma once

@@ -1,4 +1,4 @@
-// Where threads collide geoms at the same time.
+// Scratch models and data, on which threads collide geoms at the same time.
 //
 // Collisions change options of the model while they look for nearest points, move geoms to where
 // they will be, and take memory from the stack of the data. Every thread but the calling one has a

@@ -14,8 +14,8 @@ namespace dashpot {
 
 // The contacts of the last step, one entry each. Geometry is the one that rows had, of the start of
 // the step or, of what turns, of its middle; velocity that at the start, forces the mean of the
-// step, compression, displacement and sticking those at its end. Of a step in parts all are of its
-// last part. Vectors are in the contact frame (normal from geom 1 to geom 2, two tangents),
+// step, compression, displacement and sticking those at its end. Of a step in substeps all are of
+// its last substep. Vectors are in the contact frame (normal from geom 1 to geom 2, two tangents),
 // relative motion and force those of geom 2 relative to, and exerted by, geom 1.
 struct ContactReport {
   std::vector<std::array<int, 2>> geom;             // ids; -1 where that side is a flex

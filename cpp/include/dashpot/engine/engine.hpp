@@ -2,10 +2,11 @@
 //
 // Parameters are fixed during a step, mjData changes, StepStats is the result. A Stepper is used
 // by one thread at a time and has the model to itself while it steps: during the step it widens
-// contact detection in the model and, where it cuts the step into parts, changes opt.timestep; both
-// are restored. What MuJoCo derives from masses follows edits of these (mujoco/body_inertia.hpp).
-// Parallel work on many states gives every worker its own view of the model (mujoco/state.hpp)
-// and its own Stepper; a Stepper of several threads shares the passes of a single step among them.
+// contact detection in the model and, where it cuts the step into substeps, changes opt.timestep;
+// both are restored. What MuJoCo derives from masses follows edits of these
+// (mujoco/body_inertia.hpp). Parallel work on many states gives every worker its own view of the
+// model (mujoco/state.hpp) and its own Stepper; a Stepper of several threads shares the passes of a
+// single step among them.
 
 #pragma once
 
@@ -20,7 +21,7 @@ struct mjData_;
 namespace dashpot {
 
 // Statistics of the last of the steps taken (the maximum or the sum over all of them where said);
-// of a step in parts, those of its last part.
+// of a step in substeps, those of its last substep.
 struct StepStats {
   int contacts = 0;              // contacts that could touch during the step
   int touching = 0;              // contacts that carried an impulse

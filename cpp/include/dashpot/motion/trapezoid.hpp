@@ -41,7 +41,7 @@
 // s is 1 of trees that no row with a position held in the step, and where springs, weights and
 // servos bring a' - a; elsewhere 1 to first order in H, and such that energy is conserved
 // (coupled_energy.hpp); trees that equalities couple share it (coupled_trees.hpp). Where none is
-// found, or equalities would turn too far even in a part of a step (turning_parts.hpp), frozen
+// found, or equalities would turn too far even in a substep (turning_substeps.hpp), frozen
 // geometry stays: the Verlet corrector is left out, they do not turn in that step, and the work of
 // those that did is booked as dissipation.
 
@@ -101,7 +101,7 @@ class Trapezoid {
   const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
   // Adds to `impulse`, by row, what rows bore of that.
   void add_borne(std::vector<double>& impulse);
-  // rad, most that a row of an equality turns in this step (turning_parts.hpp).
+  // rad, most that a row of an equality turns in this step (turning_substeps.hpp).
   double fastest_turn() const { return fastest_turn_; }
 
  private:

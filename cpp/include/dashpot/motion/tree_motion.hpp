@@ -26,7 +26,7 @@ namespace dashpot {
 struct RowsOnTree {
   bool touched = false;  // moved it
   bool joined = false;   // as they moved another tree against it
-  // In the geometry of a time within the part, its middle or that of a hit.
+  // In the geometry of a time within the substep, its middle or that of a hit.
   bool frozen_ahead = false;
   bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
   double unpaid = 0.0;       // J, work of contacts, because they turn, that no spring paid for

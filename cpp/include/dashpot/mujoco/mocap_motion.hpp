@@ -21,9 +21,9 @@
 // Contacts see a_n along the gap and of sliding, as an acceleration of their surfaces
 // (ContactInput::surface_acceleration) about v_n. Spin and rolling of contacts, equalities and
 // tendons see v_n alone: springs of either sign take up what it jumps by. In steps that are taken
-// in parts a_n is that of the whole step, and v of each part, in cvel too, the mean of v(t) over
-// it. A body that equalities hold to has a_n = 0, so that it is where they see it wherever a part
-// ends.
+// in substeps a_n is that of the whole step, and v of each substep, in cvel too, the mean of v(t)
+// over it. A body that equalities hold to has a_n = 0, so that it is where they see it wherever a
+// substep ends.
 
 #pragma once
 
@@ -42,7 +42,7 @@ struct MocapBody {
   RememberedMocap now{};
   bool rests = false;    // is where it is told to be, and was before
   bool settles = false;  // jumped or begins, and nobody has looked yet where what it holds is
-  // Mean velocity during the part, and the acceleration within it; world.
+  // Mean velocity during the substep, and the acceleration within it; world.
   MocapVector velocity{}, angular{};
   MocapVector acceleration{}, angular_acceleration{};
 };
@@ -67,27 +67,27 @@ class MocapMotion {
   MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_constant, const Memory& memory,
               MocapBuffers& buffers);
 
-  // Begins a part of the step of at most `length` (s): finds how the bodies move in it, and what of
+  // Begins a substep of at most `length` (s): finds how the bodies move in it, and what of
   // it scalar constraints see, and puts the bodies where they are at its start.
   void begin(double length);
-  // Ends the part earlier, after `length` (s): velocities become the means up to there.
+  // Ends the substep earlier, after `length` (s): velocities become the means up to there.
   void shorten(double length);
   // Writes the mean velocities over the part of bodies without joints to d->cvel, which mj_comVel
   // has left at zero. What hangs on them by joints keeps MuJoCo's, relative to them.
   void write_velocities() const;
   // Sets the rates at which the motion drives constraints: from their positions at the first call
-  // of a part, where they are at its start, and the same at others.
+  // of a substep, where they are at its start, and the same at others.
   void drive(std::vector<ConstraintInput>& constraints);
   // Sets the accelerations at which it drives contacts.
   void drive(std::vector<ContactInput>& contacts) const;
-  // Whether a geom is of a mocap body that moves in this part, or hangs on one.
+  // Whether a geom is of a mocap body that moves in this substep, or hangs on one.
   bool moves(int geom) const;
-  // Puts the bodies where they are a time (s) after the start of the part.
+  // Puts the bodies where they are a time (s) after the start of the substep.
   void show(double time);
   // Work (J) that taking the bodies, and what hangs on them, through the part of `length` does
   // against gravity.
   double work_against_gravity(double length) const;
-  // Ends the part, of `length`.
+  // Ends the substep, of `length`.
   void advance(double length);
   void remember(Memory& memory) const;
 
@@ -103,9 +103,10 @@ class MocapMotion {
   const mjModel_* model_;
   mjData_* data_;
   bool moves_;
-  double time_constant_;                  // s
-  double searched_ = 0.0, length_ = 0.0;  // s: of the part, as begin() was given it, and shortened
-  bool first_part_ = true;                // of the step
+  double time_constant_;  // s
+  double searched_ = 0.0;      // s: of the substep, as begin() was given it
+  double length_ = 0.0;        // s: the same, shortened
+  bool first_substep_ = true;  // of the step
   MocapBuffers& buffers_;
   MocapPlaces places_;
 };

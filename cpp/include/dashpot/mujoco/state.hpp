@@ -1,5 +1,5 @@
-// The state in mjData: positions and velocities of trees, contact memory, steps in parts of their
-// own time step; and models and data that are made here.
+// The state in mjData: positions and velocities of trees, contact memory, substeps; and models and
+// data that are made here.
 
 #pragma once
 
@@ -70,21 +70,21 @@ using OwnedData = std::unique_ptr<mjData_, DataDeleter>;
 // Throws MujocoError where there is no memory for them.
 OwnedData make_data(const mjModel_* m);
 
-// A step that may be taken in parts of their own time step. Where it was, the model's time step is
+// A step that may be taken in substeps. Where it was, the model's time step is
 // restored at its end, and time has advanced by that step or, without finish(), the state at the
 // start is back but for poses of mocap bodies (mocap_motion.hpp).
-class StepParts {
+class Substeps {
  public:
-  StepParts(mjModel_* m, mjData_* d);
-  ~StepParts();
-  StepParts(const StepParts&) = delete;
-  StepParts& operator=(const StepParts&) = delete;
+  Substeps(mjModel_* m, mjData_* d);
+  ~Substeps();
+  Substeps(const Substeps&) = delete;
+  Substeps& operator=(const Substeps&) = delete;
 
   double whole() const { return timestep_; }  // s
   bool cut() const { return !start_.empty(); }
-  void set_length(double length);  // of the part, s; the first call cuts the step
+  void set_length(double length);  // of the substep, s; the first call cuts the step
   // The buffers of delayed controls and sensors have one sample of a step, that of its start.
-  void end_part();
+  void end_substep();
   void finish() { finished_ = true; }
 
  private:

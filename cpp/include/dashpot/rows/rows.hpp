@@ -37,8 +37,8 @@ struct ContactInput {
   int source = 0;                   // index in the list of detected contacts
   std::array<int, 2> geom{};        // ids; -1 - id for a flex
   std::array<int, 2> tree{-1, -1};  // trees of the two bodies, -1 for static ones
-  // Geoms whose contacts with geom 1 at an internal edge it takes over, else -1.
-  std::array<int, 3> replaced{-1, -1, -1};
+  // Geoms whose contacts with geom 1 at an internal edge are ghosts of this one, else -1.
+  std::array<int, 3> ghosts{-1, -1, -1};
   // Side of the geom whose surface another one continues, see detection/internal_edges.hpp, else
   // -1.
   int continued = -1;
@@ -68,7 +68,7 @@ struct ContactInput {
   std::array<std::array<double, 3>, 2> local_position{};
   std::array<double, 9> rotation{};
 
-  bool is_at_internal_edge() const { return replaced[0] >= 0; }
+  bool is_at_internal_edge() const { return ghosts[0] >= 0; }
   bool is_of_pair(const std::array<int, 2>& of) const {
     return geom[0] == of[0] && geom[1] == of[1];
   }

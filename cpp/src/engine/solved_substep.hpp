@@ -1,4 +1,4 @@
-// A part of a step whose rows are solved, as all that follows from that sees it.
+// A substep whose rows are solved, as all that follows from that sees it.
 
 #pragma once
 
@@ -14,7 +14,7 @@ struct mjModel_;
 
 namespace dashpot {
 
-// By tree, what rows did to it in the part, see RowsOnTree.
+// By tree, what rows did to it in the substep, see RowsOnTree.
 struct RowsOnTrees {
   std::vector<char> touched;   // moved it
   std::vector<char> joined;    // moved another one against it
@@ -27,7 +27,7 @@ struct RowsOnTrees {
   }
 };
 
-struct SolvedPart {
+struct SolvedSubstep {
   mjModel_* model;
   double length;  // H, s
   const std::vector<ContactInput>& contacts;

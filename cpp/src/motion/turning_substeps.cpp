@@ -1,4 +1,4 @@
-#include "dashpot/motion/turning_parts.hpp"
+#include "dashpot/motion/turning_substeps.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,16 +15,16 @@ bool is_far(double turn, double bend) {
   return bend > kFollowedBend && turn + bend > kFollowedTurn;
 }
 
-double equal_part(double parts, double rest, double whole) {
-  return std::min(rest, std::max(rest / std::ceil(parts), whole / kMostTurningParts));
+double equal_substep(double count, double rest, double whole) {
+  return std::min(rest, std::max(rest / std::ceil(count), whole / kMostSubsteps));
 }
 
 }  // namespace
 
-double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& motion,
-                           const double* held, const StepClock& clock) {
+double substep_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& motion,
+                              const double* held, const StepClock& clock) {
   const double rest = clock.length, whole = clock.whole;
-  double parts = 1.0;
+  double count = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (motion.is_accurate(index)) continue;
     // The stages of RK4 are followed twice as far.
@@ -37,23 +37,23 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
       if (host::is_rotational(m, dof)) {
         fastest = std::max(fastest, turn);
         if (is_far(turn, bend))
-          parts = std::max({parts, turn / kPartTurn, std::sqrt(bend / kFollowedBend)});
+          count = std::max({count, turn / kSubstepTurn, std::sqrt(bend / kFollowedBend)});
       }
     }
     if (held && held[index] > 0.0)
-      parts = std::max(parts, rest * host::fastest_carried_axis(d, tree) / kPartTurn);
+      count = std::max(count, rest * host::fastest_carried_axis(d, tree) / kSubstepTurn);
     const double turn = fastest * whole / rest;
     if (turn > kFollowedTurn && !tree.free_body &&
         turn * share * whole * motion.translation_by_turning(d, index) > kFollowedBend)
-      parts = std::max(parts, fastest / kPartTurn);
+      count = std::max(count, fastest / kSubstepTurn);
   }
-  return equal_part(parts, rest, whole);
+  return equal_substep(count, rest, whole);
 }
 
-double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const RowData& data,
-                           const std::vector<char>& touched, const StepClock& clock) {
+double substep_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const RowData& data,
+                              const std::vector<char>& touched, const StepClock& clock) {
   const double rest = clock.length;
-  double parts = 1.0;
+  double count = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (!touched[index] || motion.is_accurate(index)) continue;
     const Tree& tree = motion.trees().tree[index];
@@ -63,14 +63,15 @@ double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const Ro
       const double turn = rest * std::abs(end);
       const double bend = rest * std::abs(end - motion.start_velocity()[dof]);
       if (turn > kFollowedTurn && is_far(turn, bend) && host::is_rotational(m, dof))
-        parts = std::max(parts, turn / kPartTurn);
+        count = std::max(count, turn / kSubstepTurn);
     }
   }
-  return equal_part(parts, rest, clock.whole);
+  return equal_substep(count, rest, clock.whole);
 }
 
-double part_of_turning_rows(double turn, const StepClock& clock) {
-  return turn > kPartTurn ? equal_part(turn / kPartTurn, clock.length, clock.whole) : clock.length;
+double substep_of_turning_rows(double turn, const StepClock& clock) {
+  return turn > kSubstepTurn ? equal_substep(turn / kSubstepTurn, clock.length, clock.whole)
+                             : clock.length;
 }
 
 }  // namespace dashpot

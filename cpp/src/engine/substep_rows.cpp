@@ -1,4 +1,4 @@
-// The rows of a part of a step: how they are built, planned and solved.
+// The rows of a substep: how they are built, planned and solved.
 
 #include <algorithm>
 #include <cmath>
@@ -13,13 +13,13 @@
 
 namespace dashpot {
 
-// Builds the rows of the part, and finishes the last step once they are known.
+// Builds the rows of the substep, and finishes the last step once they are known.
 void Stepper::Impl::find_rows(mjData_* d, host::MocapMotion& mocap) {
-  geometry_of_middle = !part.impact.empty();
+  geometry_of_middle = !substep.impact.empty();
   tree_ahead.assign(motion.tree_count(), 0.0);
   if (geometry_of_middle) {
-    build_rows_in_the_middle(d, part.apart, mocap);
-    give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, clock.length, materials);
+    build_rows_in_the_middle(d, substep.apart, mocap);
+    give_rigid_impacts_springs(memory(d), substep.impact, contacts, rows, clock.length, materials);
   } else {
     freeze_within_step(d);
     build_rows(d);
@@ -27,7 +27,7 @@ void Stepper::Impl::find_rows(mjData_* d, host::MocapMotion& mocap) {
   finish_last_step(d);
 }
 
-// Builds the rows of the part, and finds what they do in it.
+// Builds the rows of the substep, and finds what they do in it.
 void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   find_rows(d, mocap);
   act(d);
@@ -75,8 +75,8 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   plan.find(model, step, motion.trees(), parameters.options, resolved_length(), hit_frequency(),
             rows, materials, data, team);
   recall(step, rows, recovery_speed, data, team);
-  if (!part.impact.empty() && !std::isinf(recovery_speed))
-    limit_compression(step, part.impact, rows, data);
+  if (!substep.impact.empty() && !std::isinf(recovery_speed))
+    limit_compression(step, substep.impact, rows, data);
 }
 
 void Stepper::Impl::run_islands(mjData_* d) {
@@ -122,7 +122,7 @@ StepView Stepper::Impl::view(mjData_* d) const {
   return {clock.length, contacts, constraints, memory(d), matches};
 }
 
-SolvedPart Stepper::Impl::solved_part() const {
+SolvedSubstep Stepper::Impl::solved_substep() const {
   return {model, clock.length, contacts, constraints, rows,
           data,  on_trees,     recovery, motion,      trapezoid};
 }
