@@ -18,7 +18,7 @@ void Stepper::Impl::find_touched_trees() {
   on_trees.reset(motion.tree_count());
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    const bool recovers = c.kind == RowKind::kBilateral && data.offset[i] != 0.0;
+    const bool recovers = c.kind == RowKind::kBilateral && data.unstressed[i] != 0.0;
     if (!data.touched[i] && !recovers) continue;
     for (int tree : c.tree) {
       if (tree < 0) continue;

@@ -133,12 +133,13 @@ void Stepper::Impl::find_mean_velocity() {
 }
 
 // A gap at the end of the step is where the surfaces are, not what the spring is compressed by: the
-// two differ by the unstressed offset.
+// two differ by the unstressed penetration.
 void Stepper::Impl::find_end_gaps() {
   end_gap.resize(contacts.size());
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (c.kind == RowKind::kContact) end_gap[c.input] = data.deformation[c.row] - data.offset[i];
+    if (c.kind == RowKind::kContact)
+      end_gap[c.input] = data.deformation[c.row] - data.unstressed[i];
   }
 }
 

@@ -61,7 +61,7 @@ struct LanePacker {
     }
     law.bearable[lane] = bearable_of(rows, data, c, recovery_speed);
     law.recovery_speed[lane] = recovery_speed_of(rows, data, index, recovery_speed);
-    law.offset[lane] = data.offset[index];
+    law.unstressed[lane] = data.unstressed[index];
     law.sticking[lane] = -1;
   }
 
@@ -137,7 +137,7 @@ void unpack_lane(const Rows& rows, int index, int lane, const Law& law, RowData&
     }
     data.turning_work[index] = law.turning_work[lane] - of_surfaces;
   }
-  data.offset[index] = law.offset[lane];
+  data.unstressed[index] = law.unstressed[lane];
   data.sticking[index] = law.sticking[lane] != 0;
   share(slice.work, c, 0) += law.work[0][lane];
   if (c.dim > 1) share(slice.work, c, 1) += law.work[1][lane];

@@ -36,7 +36,7 @@ bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, dou
     if (trees.tree[tree].damped || trees.tree[tree].sprung) return false;
   const int index = *island.group.begin();
   const RowGroup& c = rows.group[index];
-  const double time = island.microsteps * island.duration, offset = data.offset[index];
+  const double time = island.microsteps * island.duration, offset = data.unstressed[index];
   const double speed = std::min(offset / recovery_over(time).time,
                                 recovery_speed_of(rows, data, index, recovery_speed));
   return c.is_unilateral() && c.dim == 1 && c.turning[0] == 0.0 &&

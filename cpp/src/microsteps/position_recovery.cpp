@@ -51,7 +51,7 @@ void RecoverySystem::reset(const Rows& rows, const Trees& trees, const Island& i
       target_.push_back(0.0);
     }
     // Where the spring is deformed beyond the position there is nothing to recover.
-    const double offset = data.offset[index];
+    const double offset = data.unstressed[index];
     if (bilateral && offset * (x - offset) < 0.0)
       target_.back() = std::clamp(offset, -reach, reach);
   }
@@ -179,7 +179,7 @@ double recover_positions(const Rows& rows, const Trees& trees, const Island& isl
                          double recovery_speed, double time, RowData& data,
                          std::vector<double>& displacement) {
   if (std::none_of(island.group.begin(), island.group.end(), [&](int index) {
-        return rows.group[index].kind == RowKind::kBilateral && data.offset[index] != 0.0;
+        return rows.group[index].kind == RowKind::kBilateral && data.unstressed[index] != 0.0;
       }))
     return 0.0;
   thread_local RecoverySystem system;  // kept by the thread: no allocation in a step

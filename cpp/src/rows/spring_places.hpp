@@ -26,8 +26,8 @@ SpringPlace place_of_spring(const ConstraintInput& input, const Rows& rows, cons
 
 // Whether rows that have one impedance, from group `first` on, grow stiffer on their way.
 bool grows_stiffer(const StepView& step, const Rows& rows, size_t first);
-// What part of their places they may be deformed by, and the `credit` (J) that is left of what they
-// had lost.
-double part_of_places(const StepView& step, const Rows& rows, size_t first, double& credit);
+// What part of their places they may be deformed by, and the `energy_tank` (J) that is left of what
+// they had lost.
+double part_of_places(const StepView& step, const Rows& rows, size_t first, double& energy_tank);
 
 }  // namespace dashpot

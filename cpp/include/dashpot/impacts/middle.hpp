@@ -25,8 +25,8 @@ void give_back_way(const Rows& rows, const RowData& data, double length,
                    std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
 
 // A rigid contact of the sorted pairs under `impact` becomes a spring whose contact time is about a
-// substep of `length` (s), so that the substep resolves it; one that is compressed keeps its spring.
-// What rigid means is thus the limit of ever stiffer springs with the same damping ratio.
+// substep of `length` (s), so that the substep resolves it; one that is compressed keeps its
+// spring. What rigid means is thus the limit of ever stiffer springs with the same damping ratio.
 void give_rigid_impacts_springs(const Memory& memory, const std::vector<GeomPair>& impact,
                                 const std::vector<ContactInput>& contacts, const Rows& rows,
                                 double length, std::vector<GroupMaterial>& materials);

@@ -34,9 +34,9 @@ struct RowLanes {
   Lanes deformation[Dim], rate[Dim], force[Dim], impulse[Dim];
   Lanes displacement[Dim];  // by the row's own flow, but for its end, see end_flow()
   Lanes total_impulse[Dim], total_moment[Dim], total_displacement[Dim];
-  Lanes bearable;        // deformation under which the offset recovers
+  Lanes bearable;        // deformation under which the unstressed penetration recovers
   Lanes recovery_speed;  // at most, m/s or rad/s
-  Lanes offset, surface;
+  Lanes unstressed, surface;
   LaneMask sticking;
   Lanes work[2];         // of row 0 and of the others, J
   Lanes recovery_input;  // J

@@ -31,9 +31,9 @@ template <int Dim>
 [[gnu::always_inline]] static inline Lanes offset_rate(const RowLanes<Dim>& c,
                                                        const Recovery& recovery) {
   const Lanes zero{};
-  const Lanes rate = min_lanes(c.offset / recovery.time, c.recovery_speed);
+  const Lanes rate = min_lanes(c.unstressed / recovery.time, c.recovery_speed);
   const Lanes x = c.deformation[0];
-  const LaneMask stays = (c.offset <= zero) | (x * x > c.bearable * c.bearable);
+  const LaneMask stays = (c.unstressed <= zero) | (x * x > c.bearable * c.bearable);
   return select(stays, zero, rate);
 }
 
@@ -109,7 +109,7 @@ template <int Dim>
   Lanes displacement[Dim];
   end_displacement(c, rate, coupled_time, displacement);
   const Lanes recovered = h * c.surface;
-  c.offset -= recovered;
+  c.unstressed -= recovered;
   c.deformation[0] += displacement[0] - recovered;
   if (all_of(c.sticking)) {
     for (int i = 1; i < Dim; ++i) c.deformation[i] += displacement[i];

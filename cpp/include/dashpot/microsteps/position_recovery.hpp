@@ -1,8 +1,8 @@
 // Recovery of equalities by displacement.
 //
 // Where the position of an equality row and the strain its spring remembers differ, the difference
-// o (its unstressed offset) is the error of geometry frozen over a step or of the initial state.
-// A surface that moved back at some speed would push bodies at that speed: near a singular
+// o (its unstressed penetration) is the error of geometry frozen over a step or of the initial
+// state. A surface that moved back at some speed would push bodies at that speed: near a singular
 // configuration, where little of the apparent mass moves along the row, that means fast bodies,
 // whose turning makes the next offset, so a straight chain connected at both ends gained energy
 // without bound. Displacing the bodies instead gives them no velocity. With t the offsets, limited

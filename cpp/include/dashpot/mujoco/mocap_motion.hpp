@@ -103,7 +103,7 @@ class MocapMotion {
   const mjModel_* model_;
   mjData_* data_;
   bool moves_;
-  double time_constant_;  // s
+  double time_constant_;       // s
   double searched_ = 0.0;      // s: of the substep, as begin() was given it
   double length_ = 0.0;        // s: the same, shortened
   bool first_substep_ = true;  // of the step
