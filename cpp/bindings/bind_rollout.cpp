@@ -13,9 +13,9 @@
 #include <utility>
 #include <vector>
 
-#include "dashpot/mujoco/body_inertia.hpp"
-#include "dashpot/mujoco/checks.hpp"
-#include "dashpot/mujoco/state.hpp"
+#include "dashpot/model/body_inertia.hpp"
+#include "dashpot/model/checks.hpp"
+#include "dashpot/model/state.hpp"
 #include "dashpot/simulations/rollout.hpp"
 #include "model_lock.hpp"
 #include "without_gil.hpp"

@@ -5,7 +5,7 @@
 
 #include "checks.hpp"
 #include "dashpot/law/friction.hpp"
-#include "dashpot/microsteps/sweep_kernels.hpp"
+#include "dashpot/solve/sweep_kernels.hpp"
 #include "random_rows.hpp"
 
 namespace {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "dashpot/islands/islands.hpp"
-#include "dashpot/microsteps/position_recovery.hpp"
 #include "dashpot/rows/mass_weighted.hpp"
+#include "dashpot/solve/position_recovery.hpp"
 
 namespace {
 

@@ -7,7 +7,7 @@
 
 #include "checks.hpp"
 #include "dashpot/lanes/aligned.hpp"
-#include "dashpot/microsteps/sweep_kernels.hpp"
+#include "dashpot/solve/sweep_kernels.hpp"
 #include "random_rows.hpp"
 
 namespace {

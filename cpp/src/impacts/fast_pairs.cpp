@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/mujoco/properties.hpp"
-#include "dashpot/mujoco/state.hpp"
-#include "dashpot/mujoco/trees.hpp"
+#include "dashpot/detect/geometry_host.hpp"
+#include "dashpot/model/properties.hpp"
+#include "dashpot/model/state.hpp"
+#include "dashpot/model/trees.hpp"
 
 namespace dashpot {
 

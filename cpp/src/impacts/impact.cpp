@@ -3,9 +3,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/detect/geometry_host.hpp"
 #include "dashpot/geometry/query.hpp"
-#include "dashpot/mujoco/trees.hpp"
+#include "dashpot/model/trees.hpp"
 #include "dashpot/rows/step_clock.hpp"
 #include "fast_pairs.hpp"
 

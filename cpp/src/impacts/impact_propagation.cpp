@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <tuple>
 
-#include "dashpot/detection/broadphase.hpp"
-#include "dashpot/detection/reach.hpp"
+#include "dashpot/detect/broadphase.hpp"
+#include "dashpot/detect/reach.hpp"
 #include "dashpot/geometry/query.hpp"
-#include "dashpot/mujoco/properties.hpp"
-#include "dashpot/mujoco/velocities.hpp"
+#include "dashpot/model/properties.hpp"
+#include "dashpot/model/velocities.hpp"
 
 namespace dashpot {
 

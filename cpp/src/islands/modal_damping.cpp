@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "dashpot/islands/row_stiffness.hpp"
-#include "dashpot/mujoco/properties.hpp"
+#include "dashpot/model/properties.hpp"
 
 namespace dashpot {
 

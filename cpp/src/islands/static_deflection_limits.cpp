@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/mujoco/properties.hpp"
+#include "dashpot/model/properties.hpp"
 
 namespace dashpot {
 

@@ -84,7 +84,7 @@ bool is_elastic(const Rows& rows, const RowGroup& c) {
 }
 
 // RowData::drift of a contact that turns on as before, a little faster or slower
-// (detection/turning.hpp). What goes from one corner to the next, or turns by a radian in a step,
+// (detect/turning.hpp). What goes from one corner to the next, or turns by a radian in a step,
 // turns anew.
 double drift_of(const RememberedContact& old, const RowGroup& c, double length) {
   const bool in_middle = std::abs(c.ahead - 0.5 * length) <= kMiddle * length;

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/mujoco/errors.hpp"
-#include "dashpot/mujoco/state.hpp"
+#include "dashpot/detect/geometry_host.hpp"
+#include "dashpot/model/errors.hpp"
+#include "dashpot/model/state.hpp"
 #include "dashpot/threads/parallel.hpp"
 
 namespace dashpot {

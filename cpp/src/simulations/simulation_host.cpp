@@ -6,11 +6,11 @@
 #include <optional>
 #include <stdexcept>
 
-#include "dashpot/engine/engine.hpp"
-#include "dashpot/mujoco/checks.hpp"
-#include "dashpot/mujoco/errors.hpp"
-#include "dashpot/mujoco/state.hpp"
+#include "dashpot/model/checks.hpp"
+#include "dashpot/model/errors.hpp"
+#include "dashpot/model/state.hpp"
 #include "dashpot/simulations/distances.hpp"
+#include "dashpot/step/engine.hpp"
 
 namespace dashpot {
 

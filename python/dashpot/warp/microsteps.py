@@ -1,7 +1,7 @@
 """All micro-steps of a step in one kernel: a block per world, a lane per group.
 
 A micro-step of length h, with rows u = J v, as in
-``cpp/include/dashpot/microsteps/microstep.hpp``::
+``cpp/include/dashpot/solve/microstep.hpp``::
 
     F    = force of every row now
     b    = c + A F - w F                      load on a row, its own share left out

@@ -14,10 +14,10 @@
 #include <array>
 #include <vector>
 
-#include "dashpot/detection/broadphase.hpp"
-#include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/detection/narrowing.hpp"
-#include "dashpot/detection/reach.hpp"
+#include "dashpot/detect/broadphase.hpp"
+#include "dashpot/detect/geometry_host.hpp"
+#include "dashpot/detect/narrowing.hpp"
+#include "dashpot/detect/reach.hpp"
 #include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/rows/rows.hpp"
 

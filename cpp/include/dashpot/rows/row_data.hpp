@@ -55,7 +55,7 @@ struct RowData {
   // at the velocities which they have at RowGroup::ahead.
   std::vector<double> acceleration_work;
   // Per group: how much faster (m/s) the gap of a turning contact grows than by the rates of its
-  // normal (detection/turning.hpp). It is no motion of bodies.
+  // normal (detect/turning.hpp). It is no motion of bodies.
   std::vector<double> drift;
 
   // Per motion coordinate: velocity at the start, which smooth forces know of; what of the smooth

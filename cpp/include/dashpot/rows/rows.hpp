@@ -29,7 +29,7 @@ inline constexpr double kSingular = 0.01;
 enum class Frozen {
   kAtStart,
   kAtImpact,  // where bodies that fly meet, see flight_contacts.hpp
-  kAhead      // where the bodies are after `ahead`, see detection/turning.hpp
+  kAhead      // where the bodies are after `ahead`, see detect/turning.hpp
 };
 
 // One contact as detection reports it, with its material resolved.
@@ -39,7 +39,7 @@ struct ContactInput {
   std::array<int, 2> tree{-1, -1};  // trees of the two bodies, -1 for static ones
   // Geoms whose contacts with geom 1 at an internal edge are ghosts of this one, else -1.
   std::array<int, 3> ghosts{-1, -1, -1};
-  // Side of the geom whose surface another one continues, see detection/internal_edges.hpp, else
+  // Side of the geom whose surface another one continues, see detect/internal_edges.hpp, else
   // -1.
   int continued = -1;
   int dim = 1;                       // rows: 1, 3, 4 or 6
@@ -51,13 +51,13 @@ struct ContactInput {
   // they are apart, bodies go on until these meet. World, m.
   std::array<double, 3> apart{};
   Frozen frozen = Frozen::kAtStart;
-  bool is_of_round_hit = false;  // of two round bodies alone, see detection/pair_hits.hpp
+  bool is_of_round_hit = false;  // of two round bodies alone, see detect/pair_hits.hpp
   // Of contacts frozen within the step: the time (s) that leads there, its middle but for hits, and
   // the acceleration (m/s^2) of the gap and of sliding because normal and arms turn.
   double ahead = 0.0;
   std::array<double, 3> turning{};
   // m/s^2, world: acceleration of the surface of geom 2 against that of geom 1 because mocap bodies
-  // change their velocity within the step (mujoco/mocap_motion.hpp).
+  // change their velocity within the step (model/mocap_motion.hpp).
   std::array<double, 3> surface_acceleration{};
   std::array<double, 5> friction{};  // limit coefficients per friction row
   std::array<double, 2> solref{};
@@ -150,7 +150,7 @@ struct RowGroup {
   SolrefLoad solref;
   double stored = 0.0;  // J, by a limit or equality at its position, where its load is read there
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
-  // Of ContactInput, and of limits of spatial tendons and ball joints (mujoco/row_turns.hpp). With
+  // Of ContactInput, and of limits of spatial tendons and ball joints (model/row_turns.hpp). With
   // the turn of the geometry goes what the surfaces accelerate by along the rows.
   double ahead = 0.0;
   std::array<double, 3> turning{}, surface_acceleration{};
