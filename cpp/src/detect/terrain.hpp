@@ -4,10 +4,10 @@
 // deepest: of a box that lies on flat ground any point on each, another one in every step, and
 // along the sides that prisms have in common any normal.
 //
-// A geom touches a surface of triangles in points of its own on faces
-// (detect/terrain_points.hpp), and in corners and edges of the surface that stand out. The first
-// are known. Of what MuJoCo finds remains what lies on corners and edges that stand out, or is not
-// explained; of round surfaces no more than what has a normal there that leads out of the surface.
+// A geom touches a surface of triangles in points of its own on faces (detect/terrain_points.hpp),
+// and in corners and edges of the surface that stand out. The first are known. Of what MuJoCo finds
+// remains what lies on corners and edges that stand out, or is not explained; of round surfaces no
+// more than what has a normal there that leads out of the surface.
 
 #pragma once
 

@@ -29,8 +29,8 @@ void CommonTranslations::find(const mjModel_* model, const mjData_* d, const Row
                               const Trees& trees, const std::vector<int>& first_tree) {
   count_.assign(first_tree.size(), 0);
   candidates_.assign(first_tree.size(), {});
-  for (const RowGroup& c : rows.group) {
-    if (c.kind != RowKind::kBilateral) continue;
+  for (int equality : rows.equality) {
+    const RowGroup& c = rows.group[equality];
     const int first = first_tree[c.tree[0]];
     Candidates& of_first = candidates_[first];
     if (of_first.count < 0)
@@ -57,8 +57,8 @@ void CommonTranslations::find_common(int direction, const mjModel_* model, const
           host::add_translation(model, d, trees, static_cast<int>(index),
                                 candidates_[first].direction.data() + 3 * direction, motion.data());
   }
-  for (const RowGroup& c : rows.group) {
-    if (c.kind != RowKind::kBilateral) continue;
+  for (int equality : rows.equality) {
+    const RowGroup& c = rows.group[equality];
     const int first = first_tree[c.tree[0]];
     if (is_common(first)) is_common_[first] = is_at_rest(rows, c, motion);
   }

@@ -8,8 +8,8 @@ void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tre
   first_tree.assign(trees, -1);
   for (bool changed = true; changed;) {
     changed = false;
-    for (const RowGroup& c : rows.group) {
-      if (c.kind != RowKind::kBilateral) continue;
+    for (int index : rows.equality) {
+      const RowGroup& c = rows.group[index];
       int first = c.tree[0];
       for (int tree : c.tree)
         if (tree >= 0 && first_tree[tree] >= 0) first = std::min(first, first_tree[tree]);

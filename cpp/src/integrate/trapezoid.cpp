@@ -82,8 +82,8 @@ double Trapezoid::changing_potential(const mjData_* d, bool gravity_ahead, int d
 
 void Trapezoid::recall_equalities(const StepView& step, const Rows& rows, const Trees& trees) {
   wrench_.assign(trees.coordinates, 0.0);
-  for (const RowGroup& c : rows.group) {
-    if (c.kind != RowKind::kBilateral) continue;
+  for (int index : rows.equality) {
+    const RowGroup& c = rows.group[index];
     const double* equality = step.memory.equality(step.constraints[c.input].memory);
     scatter(rows, c, equality, wrench_.data());
     coupled_[first_[c.tree[0]]].turning_work += equality[1];
@@ -296,8 +296,8 @@ void Trapezoid::add_borne(std::vector<double>& impulse) {
 // without that of common translations, which move no row. Of rows that mocap bodies drive that
 // speed says nothing: they have the energy of the drive.
 void Trapezoid::stop_fast_turns(double length, Rows& rows) {
-  for (const RowGroup& c : rows.group) {
-    if (c.kind != RowKind::kBilateral) continue;
+  for (int index : rows.equality) {
+    const RowGroup& c = rows.group[index];
     CoupledEnergy& coupled = coupled_[first_[c.tree[0]]];
     const double w = rows.inverse_mass[c.row];
     const double speed = std::sqrt(2.0 * w * std::max(0.0, coupled.inside()));
@@ -308,8 +308,9 @@ void Trapezoid::stop_fast_turns(double length, Rows& rows) {
     if (moves && !is_driven) fastest_turn_ = std::max(fastest_turn_, turn);
     if (!is_driven && turn > kSubstepTurn) coupled.turns = false;
   }
-  for (const RowGroup& c : rows.group)
-    if (c.kind == RowKind::kBilateral && !coupled_[first_[c.tree[0]]].turns) stop_turning(rows, c);
+  for (int index : rows.equality)
+    if (const RowGroup& c = rows.group[index]; !coupled_[first_[c.tree[0]]].turns)
+      stop_turning(rows, c);
 }
 
 }  // namespace dashpot

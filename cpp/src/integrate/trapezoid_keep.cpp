@@ -11,9 +11,8 @@ namespace dashpot {
 
 void Trapezoid::keep_equalities(const EndOfStep& end, Memory& memory, EnergyLedger& ledger) {
   const Rows& rows = end.rows;
-  for (size_t i = 0; i < rows.group.size(); ++i) {
+  for (int i : rows.equality) {
     const RowGroup& c = rows.group[i];
-    if (c.kind != RowKind::kBilateral) continue;
     double* equality = memory.equality(end.constraints[c.input].memory);
     equality[0] = end.data.total_impulse[c.row] / end.length;
     equality[1] = turning_rate(rows, c) * end.data.force_moment[i];

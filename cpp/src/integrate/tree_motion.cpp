@@ -50,6 +50,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
   free_motion_.resize(trees_.tree.size());
   smooth_acceleration_.resize(start_velocity_.size());
   inverted_.resize(trees_.tree.size());
+  to_invert_.clear();
   team.for_each(tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = trees_.tree[index];
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
@@ -179,16 +180,18 @@ void TreeMotion::invert_inertia(const mjData_* d, int tree) {
   inverted_[tree] = 1;
 }
 
-void TreeMotion::invert_inertia(const mjData_* d, const std::vector<RowGroup>& groups, Team& team) {
-  to_invert_.clear();
-  for (const RowGroup& c : groups)
-    for (int tree : c.tree)
-      if (tree >= 0 && !inverted_[tree]) {
-        inverted_[tree] = 1;
-        to_invert_.push_back(tree);
-      }
+void TreeMotion::ask_for_inverse(const std::array<int, 2>& trees) {
+  for (int tree : trees)
+    if (tree >= 0 && !inverted_[tree]) {
+      inverted_[tree] = 1;
+      to_invert_.push_back(tree);
+    }
+}
+
+void TreeMotion::invert_inertia(const mjData_* d, Team& team) {
   team.for_each(static_cast<int>(to_invert_.size()), kInvertedAtOnce,
                 [&](int i) { fill_inverse(d, to_invert_[i]); });
+  to_invert_.clear();
 }
 
 void TreeMotion::fill_inverse(const mjData_* d, int tree) {

@@ -89,13 +89,9 @@ bool ClampedBodies::is_pressed(int body) const {
 
 void ClampedBodies::find(const mjModel_* model, const std::vector<ContactInput>& contacts,
                          const Rows& rows, std::vector<GroupMaterial>& materials) {
-  const size_t count = rows.group.size();
-  bool any = false;
-  for (size_t i = 0; i < count && !any; ++i) any = follows_solref(rows.group[i], materials[i]);
-  if (!any) return;
   find_pressed_bodies(model, contacts, rows);
   if (pressed_.empty()) return;
-  for (size_t i = 0; i < count; ++i) {
+  for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (!follows_solref(c, materials[i])) continue;
     const ContactInput& input = contacts[c.input];

@@ -18,9 +18,10 @@ constexpr int kGroupsAtOnce = 128;  // by a thread
 
 }  // namespace
 
-void StaticDeflectionLimits::find_dry_friction(const Rows& rows) {
+void StaticDeflectionLimits::find_dry_friction(const Rows& rows, size_t constraints) {
   dry_friction_.clear();
-  for (const RowGroup& c : rows.group) {
+  for (size_t i = 0; i < constraints; ++i) {
+    const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kSlider || c.is_damper || !c.is_of_one_coordinate(0)) continue;
     const int coordinate = rows.column[c.column];
     if (static_cast<int>(dry_friction_.size()) <= coordinate) dry_friction_.resize(coordinate + 1);
@@ -59,7 +60,7 @@ void StaticDeflectionLimits::find(const mjModel_* model, const StepView& step, c
                                   const AlignedDoubles& velocity, Team& team) {
   const double gravity = host::gravity(model);
   of_group_.assign(rows.group.size(), DeflectionTime());
-  find_dry_friction(rows);
+  find_dry_friction(rows, step.constraints.size());
   find_heavier(rows);
   if (gravity == 0.0 && dry_friction_.empty()) return;
   team.for_each(static_cast<int>(rows.group.size()), kGroupsAtOnce, [&](int i) {

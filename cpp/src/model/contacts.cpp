@@ -1,4 +1,4 @@
-// MuJoCo's rules (documentation, "Contact parameters"): an explicit <pair> says everything; else
+// Parameters go by MuJoCo's rules (its documentation): an explicit <pair> says everything; else
 // the geom of the higher priority; else the larger friction and condim count, a solref with a
 // negative number is taken element by element from the lower one, and solref and solimp are
 // otherwise averaged with the weights solmix.

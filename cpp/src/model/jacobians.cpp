@@ -163,6 +163,7 @@ void append_columns(const mjModel_* m, const mjData_* d, const ContactInput& inp
           append_columns_of(m, input, trees.tree[c.tree[block]], c.tree[block], rows);
   if (driven) {
     c.ground = kSurfaceCoordinate;
+    rows.on_surface.push_back(static_cast<int>(rows.group.size()) - 1);
     rows.column.push_back(kSurfaceCoordinate);
   }
   rows.value.resize(c.value + c.dim * c.width(), 0.0);

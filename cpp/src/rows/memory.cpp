@@ -183,21 +183,14 @@ void Memory::set_ledger(const EnergyLedger& ledger) {
 
 void Memory::remember(const std::vector<ContactInput>& contacts,
                       const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                      const RowData& data, const MarkedRows& sleeping, Team& team) {
+                      const RowData& data, const std::vector<int>& compressed,
+                      const MarkedRows& sleeping, Team& team) {
   forget_constraints(sleeping);
   const int asleep = gather(sleeping);
-  thread_local std::vector<int> kept;  // by the thread: no allocation in a step
-  kept.resize(rows.group.size());
-  int* const compressed = kept.data();
-  int count = 0;
-  for (size_t index = 0; index < rows.group.size(); ++index) {
-    const RowGroup& c = rows.group[index];
-    if (c.kind != RowKind::kContact)
-      remember(constraints[c.input], rows, static_cast<int>(index), data);
-    else if (data.deformation[c.row] < 0.0)
-      compressed[count++] = static_cast<int>(index);
-  }
-  team.for_each(count, kContactsAtOnce, [=, &contacts, &rows, &data](int slot) {
+  for (size_t i = 0; i < constraints.size(); ++i)
+    remember(constraints[i], rows, static_cast<int>(i), data);
+  int count = static_cast<int>(compressed.size());
+  team.for_each(count, kContactsAtOnce, [=, &contacts, &rows, &data, &compressed](int slot) {
     remember(contacts[rows.group[compressed[slot]].input], rows, compressed[slot], data,
              asleep + slot);
   });

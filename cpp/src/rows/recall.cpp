@@ -148,10 +148,9 @@ bool is_soft_equality(const ConstraintInput& input, const Rows& rows, const RowG
 void recall_constraints(const StepView& step, const Rows& rows, double recovery_speed,
                         RowData& data) {
   double part = 1.0;
-  for (size_t index = 0; index < rows.group.size(); ++index) {
+  for (size_t index = 0; index < step.constraints.size(); ++index) {
     const RowGroup& c = rows.group[index];
-    if (c.kind == RowKind::kContact) continue;
-    const ConstraintInput& input = step.constraints[c.input];
+    const ConstraintInput& input = step.constraints[index];
     if (input.memory < 0) continue;
     const RememberedConstraint old = step.memory.constraint(input.memory);
     data.energy_tank[index] = old.energy_tank;

@@ -9,6 +9,7 @@ namespace dashpot {
 void Stepper::ComFreeImpl::act(mjData_* d) {
   data.reset_rows(rows);
   plan.find_islands(rows, motion.trees());
+  stats.microsteps = !plan.islands().empty();
   accounting.open(memory(d), sleeping.rows());
   gap.clear();
   group_mass.clear();

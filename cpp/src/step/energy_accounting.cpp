@@ -57,8 +57,10 @@ void EnergyAccounting::add_smooth_work(mjData_* d, const SolvedSubstep& substep,
        &in_microsteps_, substep.data.braked.data()});
   ledger_.dissipated_damping -= smooth_work_.damping;
   ledger_.work += smooth_work_.applied + work_ahead_of_servos(substep);
-  for (const RowGroup& c : substep.rows.group)
+  for (int index : substep.rows.on_surface) {
+    const RowGroup& c = substep.rows.group[index];
     ledger_.work += surface_work(substep.rows, c, substep.data.total_impulse.data() + c.row);
+  }
   for (double work : substep.data.acceleration_work) ledger_.work -= work;
 }
 

@@ -59,9 +59,9 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   if (team.size() == 1) return take_step(d, leave_rows);
   const auto start = std::chrono::steady_clock::now();
   team.begin(pace.shares());
-  const StepStats stats = take_step(d, leave_rows);
+  const StepStats taken = take_step(d, leave_rows);
   pace.note(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-  return stats;
+  return taken;
 }
 
 StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
@@ -90,7 +90,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
     advance(d, substeps, mocap);
     clock.cuts += clock.cut_short;
     substeps.end_substep();
-    accumulate(statistics(), total);
+    accumulate(stats, total);
     ++taken;
   }
   substeps.finish();
@@ -226,7 +226,7 @@ void Stepper::Impl::complete_last_step(mjData_* d) {
 void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   Memory view = memory(d);
   mocap.remember(view);
-  view.remember(contacts, constraints, rows, data, sleeping.rows(), team);
+  view.remember(contacts, constraints, rows, data, compressed, sleeping.rows(), team);
   std::copy_n(host::position(d), memory_layout.positions, view.position());
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
@@ -236,24 +236,6 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
                   accounting.displacement()},
                  motion, view, accounting.ledger());
   accounting.close(view);
-}
-
-StepStats Stepper::Impl::statistics() const {
-  StepStats stats;
-  stats.contacts = static_cast<int>(contacts.size());
-  stats.islands = static_cast<int>(plan.islands().size());
-  for (const Island& island : plan.islands()) {
-    stats.microsteps = std::max(stats.microsteps, island.microsteps);
-    stats.clipped += island.clipped;
-  }
-  for (size_t i = 0; i < rows.group.size(); ++i) {
-    const RowGroup& c = rows.group[i];
-    if (c.kind != RowKind::kContact) continue;
-    stats.touching += data.touched[i];
-    stats.max_penetration = std::max(stats.max_penetration, -contacts[c.input].gap);
-    stats.max_compression = std::max(stats.max_compression, -data.deformation[c.row]);
-  }
-  return stats;
 }
 
 Memory Stepper::Impl::memory(mjData_* d) const {

@@ -45,11 +45,13 @@ void mark_ends_of_ranges(const std::vector<ConstraintInput>& constraints, Rows& 
 
 // Groups of all contacts, with room for the rows of those that have no pair geometry.
 void append_contacts(const mjModel_* model, const mjData_* data,
-                     const std::vector<ContactInput>& contacts, const Trees& trees, Rows& rows) {
+                     const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows) {
+  const Trees& trees = motion.trees();
   int pairs = 0;
   for (size_t i = 0; i < contacts.size(); ++i) {
     const ContactInput& input = contacts[i];
     RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
+    motion.ask_for_inverse(c.tree);
     if (host::has_pair_geometry(model, data, input, trees)) {
       c.pair = pairs++;
       continue;
@@ -106,6 +108,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
   for (size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintInput& input = constraints[i];
     RowGroup& c = rows.append(input.kind, static_cast<int>(i), 1, input.tree);
+    motion.ask_for_inverse(c.tree);
     rows.friction[c.row] = input.limit;
     c.is_damper = input.damping > 0.0;
     rows.typical_inverse_mass[c.row] = host::typical_inverse_mass(model, data, input);
@@ -114,8 +117,8 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     append_mass_weighted(rows, c, trees);
   }
   mark_ends_of_ranges(constraints, rows);
-  append_contacts(model, data, contacts, trees, rows);
-  motion.invert_inertia(data, rows.group, team);
+  append_contacts(model, data, contacts, motion, rows);
+  motion.invert_inertia(data, team);
   const int groups = static_cast<int>(rows.group.size());
   team.share(groups, kGroupsAtOnce, [&](int, int first, int last) {
     for (int i = first; i < last; ++i) {

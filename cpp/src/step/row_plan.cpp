@@ -8,8 +8,8 @@ void RowPlan::find(const mjModel_* model, const StepView& step, const Trees& tre
                    const Options& options, double resolved, const HitFrequency& hit_frequency,
                    Rows& rows, std::vector<GroupMaterial>& materials, RowData& data, Team& team) {
   find_islands(rows, trees);
-  read_solref_at_load(step, data.velocity, rows, materials);
-  clamped_bodies_.find(model, step.contacts, rows, materials);
+  if (read_solref_at_load(step, data.velocity, rows, materials))
+    clamped_bodies_.find(model, step.contacts, rows, materials);
   deflection_limits_.find(model, step, rows, data.velocity, team);
   find_hits(step, rows, islands(), hit_frequency, data);
   inactive_contacts_.find(step, rows, islands(), static_cast<int>(trees.tree.size()), data);

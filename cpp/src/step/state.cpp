@@ -16,8 +16,10 @@ constexpr int kTreesAtOnce = 16;  // by a thread
 
 void Stepper::Impl::find_touched_trees() {
   on_trees.reset(motion.tree_count());
+  to_remember = 0;
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
+    to_remember += c.kind == RowKind::kContact && data.deformation[c.row] < 0.0;
     const bool recovers = c.kind == RowKind::kBilateral && data.unstressed[i] != 0.0;
     if (!data.touched[i] && !recovers) continue;
     for (int tree : c.tree) {

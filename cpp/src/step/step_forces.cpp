@@ -66,17 +66,19 @@ bool StepForces::has_borne(const RowGroup& c) const {
 // Finds the generalized forces and accelerations of the step where they are others than those that
 // MuJoCo's integrator takes, as those of free bodies are not.
 void StepForces::find_reported(const mjData_* d, const SolvedSubstep& substep) {
-  keep_borne_inside_cones(substep);
   const std::vector<Tree>& trees = substep.motion.trees().tree;
-  if (std::all_of(trees.begin(), trees.end(), [](const Tree& tree) { return tree.free_body; }))
-    return;
-  reported_ = of_microsteps_;
+  const bool all_free =
+      std::all_of(trees.begin(), trees.end(), [](const Tree& tree) { return tree.free_body; });
   borne_wrench_.assign(substep.motion.trees().coordinates, 0.0);
   for (const RowGroup& c : substep.rows.group) {
     if (!has_borne(c)) continue;
+    if (c.kind == RowKind::kContact) keep_borne_inside_cone(substep, c);
+    if (all_free || !has_borne(c)) continue;
     scatter(substep.rows, c, borne_.data() + c.row, borne_wrench_.data());
     report_others_ = true;
   }
+  if (all_free) return;
+  reported_ = of_microsteps_;
   const double* acceleration = host::acceleration(d);
   reported_acceleration_.assign(acceleration, acceleration + of_microsteps_.size());
   for (int index = 0; index < substep.motion.tree_count(); ++index) {
@@ -90,20 +92,19 @@ void StepForces::find_reported(const mjData_* d, const SolvedSubstep& substep) {
 
 // Rows held over a step bear what would pull a foot that is about to leave, or hold one that slips:
 // as much is reported as a contact can exert. Cones are convex.
-void StepForces::keep_borne_inside_cones(const SolvedSubstep& substep) {
-  for (const RowGroup& c : substep.rows.group) {
-    if (c.kind != RowKind::kContact || !has_borne(c)) continue;
-    const double* impulse = substep.data.total_impulse.data() + c.row;
-    double* more = borne_.data() + c.row;
-    if (is_inside_cone(substep.rows, c, impulse, more, 1.0, substep.length)) continue;
-    double inside = 0.0, outside = 1.0;
-    for (int i = 0; i < kHalvings; ++i) {
-      const double middle = 0.5 * (inside + outside);
-      (is_inside_cone(substep.rows, c, impulse, more, middle, substep.length) ? inside : outside) =
-          middle;
-    }
-    for (int i = 0; i < c.dim; ++i) more[i] *= inside;
+void StepForces::keep_borne_inside_cone(const SolvedSubstep& substep, const RowGroup& c) {
+  const double* impulse = substep.data.total_impulse.data() + c.row;
+  double* more = borne_.data() + c.row;
+  const auto is_inside = [&](double share) {
+    return is_inside_cone(substep.rows, c, impulse, more, share, substep.length);
+  };
+  if (is_inside(1.0)) return;
+  double inside = 0.0, outside = 1.0;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = 0.5 * (inside + outside);
+    (is_inside(middle) ? inside : outside) = middle;
   }
+  for (int i = 0; i < c.dim; ++i) more[i] *= inside;
 }
 
 // That of a tree's motion over the step where rows hold it: qacc has neither its Verlet corrector

@@ -41,7 +41,7 @@ class StepForces {
 
  private:
   bool has_borne(const RowGroup& group) const;
-  void keep_borne_inside_cones(const SolvedSubstep& substep);
+  void keep_borne_inside_cone(const SolvedSubstep& substep, const RowGroup& group);
   void find_mean_acceleration(int tree, const SolvedSubstep& substep);
 
   std::vector<double> of_microsteps_;  // generalized

@@ -1,5 +1,5 @@
-// What a stepper holds. The step is in engine.cpp; how far its substeps go in part_length.cpp,
-// their rows in part_rows.cpp, the geometry of these in geometry.cpp, the state at the end in
+// What a stepper holds. The step is in engine.cpp; how far its substeps go in substep_length.cpp,
+// their rows in substep_rows.cpp, the geometry of these in geometry.cpp, the state at the end in
 // state.cpp. How rows are planned is in row_plan.hpp, what their forces are in step_forces.hpp,
 // what becomes of energy in energy_accounting.hpp, and what sleeps in sleeping_trees.hpp. What is
 // virtual is another thing under the complementarity-free law (comfree_stepper.hpp).
@@ -56,7 +56,7 @@ struct Stepper::Impl {
                      host::MocapMotion& mocap);
   void detect(mjData_* d, host::MocapMotion& mocap);
 
-  // How far a substep goes (part_length.cpp).
+  // How far a substep goes (substep_length.cpp).
   virtual void solve_substep(mjData_* d, host::Substeps& substeps, host::MocapMotion& mocap);
   double length_of_turns(mjData_* d);
   double length_of_what_came();
@@ -66,7 +66,6 @@ struct Stepper::Impl {
   void cut_at_impact(mjData_* d, host::Substeps& substeps);
   void propagate_impacts(mjData_* d, host::MocapMotion& mocap);
   void find_mean_velocity();
-  void find_end_gaps();
 
   // What sleeps.
   bool wake_reached(mjData_* d, const host::MocapMotion& mocap);
@@ -95,6 +94,7 @@ struct Stepper::Impl {
   void check_velocities() const;
   void check_memory(mjData_* d) const;
   void find_touched_trees();
+  void find_end_of_contacts();
 
   // The state at the end of the substep (state.cpp), and the forces that lead there.
   void find_forces(mjData_* d);
@@ -109,7 +109,6 @@ struct Stepper::Impl {
   Memory memory(mjData_* d) const;
   StepView view(mjData_* d) const;
   SolvedSubstep solved_substep() const;
-  StepStats statistics() const;
 
   Team team;
   Pace pace;
@@ -155,6 +154,9 @@ struct Stepper::Impl {
   RowData data;
   MicrostepLoop microsteps{team.size()};
   RowsOnTrees on_trees;
+  int to_remember = 0;           // contacts that are compressed before positions recover
+  std::vector<int> compressed;   // groups of contacts, at the end of the substep
+  StepStats stats;               // of the substep
   std::vector<double> recovery;  // by motion coordinate: displacement that equalities recover
   StepForces forces;
   EnergyAccounting accounting;

@@ -97,7 +97,6 @@ void Stepper::Impl::propagate_impacts(mjData_* d, host::MocapMotion& mocap) {
   };
   for (int turn = 0; turn < kMostPropagations && any_touched(); ++turn) {
     find_mean_velocity();
-    find_end_gaps();
     if (!propagation.comes_to_more(model, d, mean_velocity, clock.length, contacts, end_gap,
                                    detection.narrowing.pairs(), detection.buffers))
       return;
@@ -130,17 +129,6 @@ void Stepper::Impl::find_mean_velocity() {
     motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
     for (int i = 0; i < tree.dof_count; ++i) mean[i] /= clock.length;
   });
-}
-
-// A gap at the end of the step is where the surfaces are, not what the spring is compressed by: the
-// two differ by the unstressed penetration.
-void Stepper::Impl::find_end_gaps() {
-  end_gap.resize(contacts.size());
-  for (size_t i = 0; i < rows.group.size(); ++i) {
-    const RowGroup& c = rows.group[i];
-    if (c.kind == RowKind::kContact)
-      end_gap[c.input] = data.deformation[c.row] - data.unstressed[i];
-  }
 }
 
 }  // namespace dashpot

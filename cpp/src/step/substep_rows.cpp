@@ -30,12 +30,32 @@ void Stepper::Impl::find_rows(mjData_* d, host::MocapMotion& mocap) {
 // Builds the rows of the substep, and finds what they do in it.
 void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   find_rows(d, mocap);
+  stats = StepStats();
   act(d);
+  find_end_of_contacts();
 }
 
 void Stepper::Impl::act(mjData_* d) {
   plan_and_recall(d);
   run_islands(d);
+}
+
+// A gap at the end of the step is where the surfaces are, not what the spring is compressed by: the
+// two differ by the unstressed penetration.
+void Stepper::Impl::find_end_of_contacts() {
+  stats.contacts = static_cast<int>(contacts.size());
+  stats.islands = static_cast<int>(plan.islands().size());
+  end_gap.resize(contacts.size());
+  compressed.clear();
+  for (size_t i = constraints.size(); i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    const double deformation = data.deformation[c.row];
+    end_gap[c.input] = deformation - data.unstressed[i];
+    if (deformation < 0.0) compressed.push_back(static_cast<int>(i));
+    stats.touching += data.touched[i];
+    stats.max_penetration = std::max(stats.max_penetration, -contacts[c.input].gap);
+    stats.max_compression = std::max(stats.max_compression, -deformation);
+  }
 }
 
 void Stepper::Impl::freeze_within_step(mjData_* d) {
@@ -84,12 +104,14 @@ void Stepper::Impl::run_islands(mjData_* d) {
   microsteps.run(rows, motion.trees(), plan.islands(), motion.linked(),
                  parameters.options.recovery_speed, clock.length, data, team);
   check_velocities();
-  check_memory(d);
   find_touched_trees();
+  check_memory(d);
   EnergyLedger& ledger = accounting.ledger();
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   recovery.assign(motion.trees().coordinates, 0.0);
   for (const Island& island : plan.islands()) {
+    stats.microsteps = std::max(stats.microsteps, island.microsteps);
+    stats.clipped += island.clipped;
     const double strained =
         recover_positions(rows, motion.trees(), island, parameters.options.recovery_speed,
                           clock.length, data, recovery);
@@ -106,11 +128,7 @@ void Stepper::Impl::check_velocities() const {
 
 // Throws before anything is changed: what is compressed has to be remembered.
 void Stepper::Impl::check_memory(mjData_* d) const {
-  const auto compressed =
-      std::count_if(rows.group.begin(), rows.group.end(), [&](const RowGroup& c) {
-        return c.kind == RowKind::kContact && data.deformation[c.row] < 0.0;
-      });
-  const auto remembered = compressed + memory(d).count(sleeping.rows());
+  const auto remembered = to_remember + memory(d).count(sleeping.rows());
   if (remembered > memory_layout.contacts)
     throw std::runtime_error(std::to_string(remembered) + " contacts exceed the memory for " +
                              std::to_string(memory_layout.contacts) +

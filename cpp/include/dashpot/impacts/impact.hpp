@@ -8,8 +8,7 @@
 //   step departs from constant velocity by, |a| H^2 / 8. The substep ends there. Within
 //   it their rows are left out: the pair is proven apart. (Rows stay where an impact elsewhere in
 //   this substep could change the motion, and for articulated trees, whose motion is not rigid.)
-// - those in touch keep their rows for a substep in which neither geom turns by more than 0.005
-// rad,
+// - those in touch keep their rows while neither geom turns by more than 0.005 rad,
 //   nor the normal of two round ones, nor the pair approaches by more than e / 4. The geometry is
 //   that of the middle of the substep (see middle.hpp), so that errors are quadratic in the turn.
 //

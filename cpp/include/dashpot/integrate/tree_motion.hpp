@@ -8,6 +8,7 @@
 
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "dashpot/model/body_inertia.hpp"
@@ -69,9 +70,11 @@ class TreeMotion {
   void damp_in_microsteps(const mjData_* d, int tree, bool is_held);
   // Lets the springs of its joints act there (model/springs_and_dampers.hpp).
   void spring_in_microsteps(int tree);
-  // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.
+  // Fills in inv(H) of a tree, or of all that were asked for, which is that of another step until
+  // then.
   void invert_inertia(const mjData_* d, int tree);
-  void invert_inertia(const mjData_* d, const std::vector<RowGroup>& groups, Team& team);
+  void ask_for_inverse(const std::array<int, 2>& trees);
+  void invert_inertia(const mjData_* d, Team& team);
 
   // Generalized velocities or displacements, and forces, from motion coordinates of one tree.
   void to_generalized(int tree, const double* coordinates, double* generalized) const;

@@ -29,7 +29,7 @@ class StaticDeflectionLimits {
   const std::vector<DeflectionTime>& of_group() const { return of_group_; }
 
  private:
-  void find_dry_friction(const Rows& rows);
+  void find_dry_friction(const Rows& rows, size_t constraints);
   void find_heavier(const Rows& rows);
   // Of a contact with what does not move: what is heavier on the tree presses it down, too.
   double heavier_on(const RowGroup& group) const;

@@ -1,6 +1,6 @@
 // Where scalar constraints have their memory (rows/memory.hpp): ConstraintInput::memory of the
-// first row that each of them may have. Its others follow.
-// And which rows what sleeps, or was moved by hand, may have.
+// first row that each of them may have. Its others follow. And which rows what sleeps, or was moved
+// by hand, may have.
 
 #pragma once
 

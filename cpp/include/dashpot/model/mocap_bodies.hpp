@@ -35,7 +35,7 @@ bool holds_anything(const mjModel_* m, const mjData_* d, int mocap);
 std::array<double, 7> pose_where_met(const mjModel_* m, const mjData_* d, int mocap,
                                      const std::array<double, 7>& pose);
 
-// Where driven bodies (mocap_bodies.hpp) are put during a step, whose end leaves them where users
+// Where driven bodies (driven_bodies) are put during a step, whose end leaves them where users
 // told them to be: mocap bodies in mjData, those that edits of the model move in the model.
 
 using MocapVector = std::array<double, 3>;  // world

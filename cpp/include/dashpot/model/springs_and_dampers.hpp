@@ -1,5 +1,5 @@
-// Springs of single joints, slides and hinges: their force changes linearly with the way of that
-// joint alone, so that micro-steps can follow it (microstep.hpp).
+// Springs and dampers that act in the micro-steps. Springs of slides and hinges change their force
+// linearly with the way of that joint alone, so that micro-steps can follow it (microstep.hpp).
 
 #pragma once
 

@@ -42,7 +42,7 @@ double* memory(const mjModel_* m, mjData_* d, int size);
 
 // A model for one worker, without a copy of all that it holds.
 //
-// A step changes options and detection distances of its model for a while (model/state.hpp,
+// A step changes options and detection distances of its model for a while (Substeps and
 // detect/reach.hpp). A view has these of its own and shares the rest, meshes above all, which no
 // step writes to: views of one model step side by side.
 
@@ -70,9 +70,9 @@ using OwnedData = std::unique_ptr<mjData_, DataDeleter>;
 // Throws MujocoError where there is no memory for them.
 OwnedData make_data(const mjModel_* m);
 
-// A step that may be taken in substeps. Where it was, the model's time step is
-// restored at its end, and time has advanced by that step or, without finish(), the state at the
-// start is back but for poses of mocap bodies (mocap_motion.hpp).
+// A step that may be taken in substeps. Where it was, the model's time step is restored at its end,
+// and time has advanced by that step or, without finish(), the state at the start is back but for
+// poses of mocap bodies (mocap_motion.hpp).
 class Substeps {
  public:
   Substeps(mjModel_* m, mjData_* d);

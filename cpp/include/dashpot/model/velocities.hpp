@@ -58,7 +58,7 @@ void mocap_twist_ahead(const mjModel_* m, const mjData_* d, int body, double tim
 // What weights change by, as generalized forces, while a tree moves on.
 //
 // The weight of all that a joint bears turns it by axis . W, with the axis and the wrench W about
-// the centre of mass of the tree (model/velocities.hpp). Both move:
+// the centre of mass of the tree (axis_ahead, twist_ahead). Both move:
 //
 //     change = axis(t) . W(t) - axis(0) . W(0) .
 

@@ -164,10 +164,12 @@ class Memory {
   int count(const MarkedRows& sleeping) const;
   double energy(const MarkedRows& sleeping) const;
 
-  // Replaces the memory by the deformed rows of `data`, but for what sleeps.
+  // Replaces the memory by the rows of `data` of constraints and of the contacts that are
+  // `compressed` (groups), but for what sleeps.
   void remember(const std::vector<ContactInput>& contacts,
                 const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                const RowData& data, const MarkedRows& sleeping, Team& team);
+                const RowData& data, const std::vector<int>& compressed, const MarkedRows& sleeping,
+                Team& team);
 
  private:
   void forget_constraints(const MarkedRows& sleeping);

@@ -182,6 +182,8 @@ struct RowGroup {
 
 struct Rows {
   std::vector<RowGroup> group;
+  std::vector<int> equality;    // groups of RowKind::kBilateral
+  std::vector<int> on_surface;  // groups with kSurfaceCoordinate
   std::vector<PairGeometry> pair;
   std::vector<int> column;           // motion coordinates
   std::vector<double> value;         // of sparse rows
