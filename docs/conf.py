@@ -1,6 +1,6 @@
 """Sphinx configuration of the documentation.
 
-pip install ".[docs]" && sphinx-build -W --keep-going docs build/site
+pip install ".[docs,warp]" && sphinx-build -W --keep-going docs build/site
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import argparse
 import importlib.util
 import os
 import re
+import runpy
 import shutil
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from dashpot.cli import parser
 _ROOT = Path(__file__).parents[1]
 # Pages of a site lie in one folder.
 shutil.copytree(_ROOT / "notebooks", _ROOT / "docs/tutorials", dirs_exist_ok=True)
+runpy.run_path(str(_ROOT / "docs/method_figures.py"))["main"]()
 _PROJECT = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 project = "dashpot"
@@ -54,8 +56,34 @@ html_theme = "furo"
 html_title = f"dashpot {release}"
 html_show_copyright = False
 html_copy_source = False
-# Words that stand in many pages: the search puts titles first.
+html_static_path = ["_static"]
+html_js_files = ["filter_rows.js"]
 html_search_language = "en"
+# What to find first: headings of pages by page, and for each what is searched for.
+SEARCH_TERMS = {
+    "guides/calibrate": {"Calibrate": "calibration, fit"},
+    "guides/compare": {"Compare with MuJoCo": "comparison"},
+    "guides/engine_options": {
+        '`impact="cut"`': "tunnelling, passing through",
+        "`microsteps`, `max_microsteps`": "clipped, micro-steps",
+    },
+    "guides/from_mujoco": {"What the MJCF means": "solref, solimp, condim, integrator"},
+    "guides/many_worlds": {"Derivatives": "derivative, gradient", "Rollouts": "batch, parallel"},
+    "guides/materials": {
+        "A stiffness": "N/m, stiffness, units",
+        "Damping": "restitution, bounce, damping, N s/m",
+        "Two geoms, one contact": "friction, combination",
+        "Which numbers": "Young's modulus, hertz",
+    },
+    "guides/results": {"Contacts": "contact force", "Energy": "energy"},
+    "guides/trouble": {
+        "Penetration and softness": "penetration, overlap, soft, sink",
+        "Slip, stiction and friction": "slip, creep, sliding, stick",
+        "What makes steps slow": "slow, speed",
+    },
+    "guides/warp": {"Thousands of worlds: `dashpot.warp`": "gpu, cuda, warp"},
+    "method": {"2. One contact": "kelvin-voigt", "3. Friction": "stiction"},
+}
 
 
 def _name_source_files(_: Sphinx, __: str, source: list[str]) -> None:
@@ -67,6 +95,17 @@ def _name_source_files(_: Sphinx, __: str, source: list[str]) -> None:
     source[0] = re.sub(
         r"\[([^\]]+)\]\((?:(?:\.\./)+)?((?:cpp|benchmarks|python)/[^)]+)\)", r"`\2`", text
     )
+
+
+def _add_search_terms(_: Sphinx, page: str, source: list[str]) -> None:
+    """Put main entries of the index below headings: the search lists these before all else."""
+    for heading, terms in SEARCH_TERMS.get(page, {}).items():
+        marked = ", ".join(f"! {term}" for term in terms.split(", "))
+        found = re.search(rf"^#+ {re.escape(heading)}$", source[0], re.MULTILINE)
+        if found is None:
+            raise ValueError(f"{page} has no heading {heading!r}")
+        index = f"\n\n```{{eval-rst}}\n.. index:: {marked}\n```\n"
+        source[0] = source[0][: found.end()] + index + source[0][found.end() :]
 
 
 def _print_parsers(_: Sphinx, page: str, source: list[str]) -> None:
@@ -84,4 +123,5 @@ def _print_parsers(_: Sphinx, page: str, source: list[str]) -> None:
 def setup(app: Sphinx) -> None:
     """Register what reads pages before Sphinx does."""
     app.connect("source-read", _name_source_files)
+    app.connect("source-read", _add_search_terms)
     app.connect("source-read", _print_parsers)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -21,6 +22,7 @@ from dashpot.cli.problem_file import read_problem
 from dashpot.cli.problem_format import FORMAT
 from dashpot.data import CubeTosses, save_cube_tosses
 from dashpot.data.cube_tosses import make_toss
+from dashpot.versions import versions
 
 BALL = """
 <mujoco>
@@ -109,7 +111,7 @@ def test_the_module_runs_as_a_program():
         check=False,
     )
     assert result.returncode == 1
-    assert result.stderr.startswith("dashpot: error: no scene file missing.xml")
+    assert result.stderr.startswith("dashpot: error: no model file missing.xml")
     assert "Traceback" not in result.stderr
 
 
@@ -176,7 +178,7 @@ def test_compare_prints_and_stores(capsys, scene, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["compare", "nowhere.xml"], "no scene file nowhere.xml"),
+        (["compare", "nowhere.xml"], "no model file nowhere.xml"),
         (["compare", "ball", "--settings", "eliptic"], "did you mean 'elliptic'"),
         (["compare", "ball", "--material", "bal:stiffness=1"], "did you mean 'ball'"),
         (["simulate", "ball", "--duration", "1e-9"], "less than a time step"),
@@ -534,6 +536,10 @@ def test_demo_writes_its_report_with_data(capsys, tmp_path):
         assert Path(f"report/{name}.png").read_bytes().startswith(b"\x89PNG")
     for expected in ("stiffness", "unseen", "elliptic", "Pile"):
         assert expected in report
+    footer = report[report.index("<footer>") :]
+    for name, version in versions().items():
+        assert f"{name} {version}" in footer
+    assert re.search(r"on \d{4}-\d\d-\d\dT", footer)
     assert "report.html" in capsys.readouterr().out
 
 

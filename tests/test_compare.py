@@ -298,6 +298,7 @@ def made_run() -> compare.Run:
         kinetic=np.array([0.0, 3.0, 4.5, 2.0, 0.5]),
         potential=np.array([6.0, 3.0, 2.5, 2.0, 2.0]),
         elastic=np.full(5, np.nan),
+        work=np.zeros(5),
         position=np.zeros(1),
         wall_time=0.2,
     )

@@ -387,8 +387,8 @@ def test_cuts_that_do_not_see_flexes_are_refused_when_the_engine_is_made(dim):
 
 
 def test_engine_of_something_else():
-    with pytest.raises(TypeError):
-        dashpot.Engine("scene.xml")
+    with pytest.raises(TypeError, match="model is int; it must be"):
+        dashpot.Engine(3)
 
 
 def test_the_complementarity_free_law_in_the_metric_of_discrete():

@@ -9,11 +9,12 @@ import pytest
 
 import dashpot
 from dashpot import Engine, Material
-from dashpot.gymnasium import with_dashpot
+from dashpot.gymnasium import register, with_dashpot
 
 pytest.importorskip("gymnasium")
 pytest.importorskip("imageio")  # gymnasium's renderer needs it
 
+import gymnasium
 from gymnasium.envs.mujoco.ant_v5 import AntEnv
 from gymnasium.envs.mujoco.hopper_v5 import HopperEnv
 from gymnasium.envs.mujoco.inverted_pendulum_v5 import InvertedPendulumEnv
@@ -233,6 +234,64 @@ def test_what_makes_no_engine_is_refused():
     env_class = with_dashpot(HopperEnv, make_engine=lambda model: model)
     with pytest.raises(TypeError, match=r"make_engine returned MjModel; it must be Engine"):
         env_class()
+
+
+def test_registered_ids_are_made_as_theirs_are():
+    (name,) = register("Hopper-v5")
+    assert name == "dashpot/Hopper-v5"
+    made = gymnasium.make(name, render_mode="rgb_array_list", reset_noise_scale=0.0)
+    theirs = gymnasium.make("Hopper-v5")
+    assert isinstance(made.unwrapped, HopperEnv)
+    assert made.unwrapped.dashpot_engine.model is made.unwrapped.model
+    for field in ("max_episode_steps", "reward_threshold", "order_enforce"):
+        assert getattr(made.spec, field) == getattr(theirs.spec, field)
+    assert "RenderCollection" in str(made)  # by what its class says of render modes
+    # By path, so that it can be stored; and theirs is left alone.
+    stored = gymnasium.envs.registration.EnvSpec.from_json(made.spec.to_json())
+    assert gymnasium.make(stored).unwrapped.dashpot_engine.law == "kelvin_voigt"
+    assert not hasattr(theirs.unwrapped, "dashpot_engine")
+
+
+def test_worlds_of_a_registered_id_run_in_processes():
+    (name,) = register("Hopper-v5")
+    worlds = gymnasium.make_vec(
+        name, num_envs=2, vectorization_mode="async", vector_kwargs={"context": "spawn"}
+    )
+    alone = gymnasium.make(name)
+    observations, _ = worlds.reset(seed=[3, 4])
+    assert np.array_equal(observations[1], alone.reset(seed=4)[0])
+    worlds.step(np.zeros((2, 3)))
+    worlds.close()
+
+
+def test_all_of_gymnasiums_own_environments_are_registered_unless_some_are_named():
+    names = register()
+    assert {"dashpot/Ant-v5", "dashpot/HumanoidStandup-v4"} <= set(names)
+    assert not any(name.endswith(("-v2", "-v3")) for name in names)
+    assert register() == names  # what is registered already is not taken for theirs
+
+
+def test_registered_engines_are_those_that_are_asked_for():
+    def make_engine(model):
+        engine = Engine(model, impact="cut")
+        engine.set_material("floor", Material(stiffness=1e4))
+        return engine
+
+    (name,) = register("Hopper-v5", make_engine=make_engine, namespace="soft")
+    assert name == "soft/Hopper-v5"
+    assert gymnasium.make(name).unwrapped.dashpot_engine.impact == "cut"
+
+
+def test_what_cannot_be_registered_is_named():
+    with pytest.raises(gymnasium.error.Error, match="Hoper"):
+        register("Hopper-v5", "Hoper-v5", namespace="none")
+    assert "none/Hopper-v5" not in gymnasium.registry
+    gymnasium.register("Made-v0", entry_point=lambda: HopperEnv())
+    with pytest.raises(ValueError, match=r"environment 'Made-v0' is made by .*, which is no class"):
+        register("Made-v0")
+    for path in ("nothing", "gymnasium.envs.mujoco.ant_v5.Ante", "no.such.Module"):
+        with pytest.raises(AttributeError, match=rf"'dashpot.gymnasium' has no attribute '{path}'"):
+            getattr(dashpot.gymnasium, path)
 
 
 def test_package_offers_it():

@@ -119,7 +119,7 @@ def test_numbers_of_a_table_are_short():
     from dashpot.compare.result import _number
 
     for value, text in (
-        (0.0, "0"), (1.5314e-4, "1.5e-04"), (2.2e-16, "2.2e-16"), (12345.0, "1.2e+04"),
+        (0.0, "0"), (1.5314e-4, "0.00015"), (1.5e-5, "1.5e-05"), (12345.0, "1.2e+04"),
         (0.00962, "0.00962"), (28.12, "28.1"), (np.nan, "-"),
     ):  # fmt: skip
         assert _number(value) == text

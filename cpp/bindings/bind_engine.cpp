@@ -1,5 +1,6 @@
 // Engine: options, parameters, statistics, stepper, contact memory, model features.
 
+#include <mujoco/mjdata.h>
 #include <pybind11/native_enum.h>
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -42,9 +43,13 @@ class SharedStepper {
                 int nthread)
       : lock_(std::move(lock)), stepper_(model_at(model), parameters, nthread) {}
 
-  StepStats step(std::uintptr_t data, int nstep) {
+  StepStats step(std::uintptr_t address, int nstep) {
+    mjData_* const data = data_at(address);
+    warn_of_mj_step(data);
     try {
-      return step_without_gil(data_at(data), nstep);
+      const StepStats stats = step_without_gil(data, nstep);
+      left_ = {data, data->timer[mjTIMER_STEP].number, data->time};
+      return stats;
     } catch (const host::CallbackError&) {
       if (PyErr_Occurred()) throw py::error_already_set();
       throw;
@@ -64,8 +69,25 @@ class SharedStepper {
     });
   }
 
+  // mj_step1 counts as mj_step does, but leaves the time.
+  void warn_of_mj_step(const mjData_* data) const {
+    if (data != left_.data || data->timer[mjTIMER_STEP].number <= left_.mj_steps ||
+        data->time <= left_.time)
+      return;
+    const char* const message =
+        "mj_step moved these data since the last Engine.step: what it moved loses the friction and "
+        "the compression that its contacts held; step data with one of the two";
+    if (PyErr_WarnEx(PyExc_UserWarning, message, 2) < 0) throw py::error_already_set();
+  }
+
   std::shared_ptr<ModelLock> lock_;
   Stepper stepper_;
+  // Data as the last step left them.
+  struct {
+    const mjData_* data = nullptr;
+    int mj_steps = 0;
+    double time = 0.0;
+  } left_;
 };
 
 template <typename T>
@@ -127,7 +149,15 @@ void bind_engine(py::module_& module) {
   py::register_exception<DivergenceError>(module, "DivergenceError", PyExc_RuntimeError)
       .attr("__doc__") =
       "Motion or forces that are no numbers, or beyond what MuJoCo itself calls diverged.\n\n"
-      "Names the tree or degree of freedom. Data are as they were before the step.";
+      "Names the tree or degree of freedom. Data are as they were before the step.\n\n"
+      "Examples\n--------\n"
+      ">>> wild = engine.make_data()\n"
+      ">>> wild.qfrc_applied[0] = 1e12\n"
+      ">>> try:\n"
+      "...     stats = engine.step(wild, nstep=100)\n"
+      "... except dashpot.DivergenceError as error:\n"
+      "...     print(type(error).__bases__[0].__name__, wild.time)\n"
+      "RuntimeError 0.0";
 
   py::native_enum<Law>(module, "Law", "enum.Enum")
       .value("kelvin_voigt", Law::kKelvinVoigt)
@@ -159,8 +189,13 @@ void bind_engine(py::module_& module) {
       .def_readwrite("pair_material", &Parameters::pair_material)
       .def_readwrite("contact_capacity", &Parameters::contact_capacity);
 
-  py::class_<StepStats>(module, "StepStats",
-                        "What a call of step() did; counts of the last step unless said otherwise.")
+  py::class_<StepStats>(
+      module, "StepStats",
+      "What a call of step() did; counts of the last step unless said otherwise.\n\n"
+      "Examples\n--------\n"
+      ">>> stats = engine.step(engine.make_data(), nstep=20)\n"
+      ">>> stats.clipped, stats.parts\n"
+      "(0, 1)")
       .def_readonly(
           "contacts", &StepStats::contacts,
           "Contacts that could touch during the step; Engine.contacts has those that did.")
@@ -179,9 +214,9 @@ void bind_engine(py::module_& module) {
       .def_readonly("cuts", &StepStats::cuts, "Cuts at impacts, sum over all steps.")
       .def_readonly(
           "parts", &StepStats::parts,
-          "Parts that a step was taken in, maximum over all steps: 1 for whole steps, more "
-          "where it was cut at impacts or links turn so far that MuJoCo's integrators would "
-          "not follow.")
+          "Parts that a step was taken in, maximum over all steps: 1 for whole steps. There are "
+          "more where it was cut at impacts, or links turn farther than MuJoCo's integrators "
+          "follow.")
       .def("__eq__",
            [](const StepStats& stats, const py::object& other) {
              return py::isinstance<StepStats>(other) &&

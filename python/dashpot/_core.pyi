@@ -163,6 +163,16 @@ class DivergenceError(RuntimeError):
     Motion or forces that are no numbers, or beyond what MuJoCo itself calls diverged.
 
     Names the tree or degree of freedom. Data are as they were before the step.
+
+    Examples
+    --------
+    >>> wild = engine.make_data()
+    >>> wild.qfrc_applied[0] = 1e12
+    >>> try:
+    ...     stats = engine.step(wild, nstep=100)
+    ... except dashpot.DivergenceError as error:
+    ...     print(type(error).__bases__[0].__name__, wild.time)
+    RuntimeError 0.0
     """
 
 class Law(enum.Enum):
@@ -241,6 +251,12 @@ class Parameters:
 class StepStats:
     """
     What a call of step() did; counts of the last step unless said otherwise.
+
+    Examples
+    --------
+    >>> stats = engine.step(engine.make_data(), nstep=20)
+    >>> stats.clipped, stats.parts
+    (0, 1)
     """
     def __eq__(self, arg0: typing.Any) -> bool: ...
     def __getstate__(self) -> tuple: ...
@@ -285,7 +301,7 @@ class StepStats:
     @property
     def parts(self) -> int:
         """
-        Parts that a step was taken in, maximum over all steps: 1 for whole steps, more where it was cut at impacts or links turn so far that MuJoCo's integrators would not follow.
+        Parts that a step was taken in, maximum over all steps: 1 for whole steps. There are more where it was cut at impacts, or links turn farther than MuJoCo's integrators follow.
         """
     @property
     def touching(self) -> int:

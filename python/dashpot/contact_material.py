@@ -17,13 +17,13 @@ class ContactMaterial:
     Attributes
     ----------
     source
-        Where stiffness and damping come from: ``"pair"``, the pair's own material; ``"geoms"``, the
-        combination of the geoms' materials; ``"solref"``, the model's own ``solref`` and
-        ``solimp``, where neither geom was given a material; ``"rigid"``, where the model sets none
+        Where stiffness and damping come from. ``"pair"``: the pair's own material. ``"geoms"``: the
+        combination of the geoms' materials. ``"solref"``: the model's own ``solref`` and
+        ``solimp``, where neither geom was given a material. ``"rigid"``: the model sets none
         either.
     stiffness
-        Stiffness k, N/m. None where it is not the material's: rigid contacts are as stiff as the
-        micro-step resolves, and those of a ``solref`` have that of
+        Stiffness k, N/m. None where it is not the material's. Rigid contacts are as stiff as the
+        micro-step resolves. Those of a ``solref`` have that of
         :func:`dashpot.law.solref_to_spring_at_rest`, which depends on the masses and the load.
     damping
         N s/m, of materials that were given in N s/m.
@@ -31,9 +31,9 @@ class ContactMaterial:
         Of materials that were given by damping ratio or restitution, and of ``solref``. Where one
         of each kind meet, this and `damping` both act.
     restitution
-        Of a contact without load, where its damping is fixed by the damping ratio; None where it
-        depends on the masses (`damping`), and of rigid contacts that were not given a restitution,
-        whose ratio is that of all rigid contacts together.
+        Of a contact without load, where its damping is fixed by the damping ratio. None where it
+        depends on the masses (`damping`). None, too, of rigid contacts that were not given a
+        restitution: their ratio is that of all rigid contacts together.
     friction
         At light load: two sliding coefficients, one torsional and two rolling ones (m), as in
         ``mjContact``.
@@ -43,6 +43,14 @@ class ContactMaterial:
         As in `Material`.
     solref, solimp
         What MuJoCo reads for the pair; without effect unless `source` is ``"solref"``.
+
+    Examples
+    --------
+    >>> contact = engine.contact_material("ball", "floor")
+    >>> contact.source, contact.stiffness, contact.restitution, contact.friction[0]
+    ('pair', 10000.0, 0.6, 0.3)
+    >>> engine.contact_material("box", "floor").source
+    'rigid'
     """
 
     source: Literal["pair", "geoms", "solref", "rigid"]

@@ -17,6 +17,7 @@ from dashpot.colours import COLOURS, colours_of
 from dashpot.data import CubeTosses, load_cube_tosses
 from dashpot.figures import ShownFigure, clean, legend_above
 from dashpot.report import Picture, Section, Table, Text, write_report
+from dashpot.versions import now, versions
 
 __all__ = ["run_demo"]
 
@@ -83,7 +84,10 @@ def run_demo(
         summary="Contact stiffness, damping and friction fitted to trajectories, and penetration "
         "and energy decay beside MuJoCo.",
         sections=[twin_section, toss_section, pile_section],
-        footer=f"Made by `dashpot demo --seed {seed}` in {time.perf_counter() - begin:.0f} s.",
+        footer=f"Made by `dashpot demo --seed {seed}` on {now()} in "
+        f"{time.perf_counter() - begin:.0f} s, with "
+        + ", ".join(f"{name} {version}" for name, version in versions().items())
+        + ".",
     )
     screen.print(f"\n{time.perf_counter() - begin:.0f} s; report: {report}")
     return report
@@ -116,6 +120,9 @@ def _twin_section(seed: int, threads: int | None, screen: Console) -> Section:
                 "yes" if estimate.identified else "no",
             ]
         )
+    missed = _missed_truths(experiment)
+    if missed:
+        screen.print(missed)
     header = ["", "truth", "start", "estimate", "95 % interval", "truth inside", "identified"]
     return Section(
         "Twin experiment: hidden parameters recovered",
@@ -128,14 +135,34 @@ def _twin_section(seed: int, threads: int | None, screen: Console) -> Section:
                 "from values that are wrong by up to a factor of five."
             ),
             Table(header, rows),
+            *([Text(missed)] if missed else []),
             Picture(
                 "twin",
                 _twin_figure(experiment),
-                "Left: estimates and 95 % intervals in thousandths of the truth. Right: the cost "
-                "as the search goes on, first on short windows after the start, then on longer "
-                "ones, which cost more.",
+                "Left: estimates and 95 % intervals in thousandths of the truth. Right: the lowest "
+                "cost as the search goes on, first of a short window after the start, then of "
+                "all frames. The two are sums over different numbers of frames.",
             ),
         ],
+    )
+
+
+def _missed_truths(experiment: twin.Twin) -> str:
+    """Say which intervals miss the truth, by how much, and how often that has to be."""
+    estimates = experiment.fit.estimates
+    missed = [
+        f"{estimate.name.replace('_', ' ')} by "
+        f"{abs(estimate.value - experiment.truth[estimate.name]) / estimate.standard_error:.1f} "
+        f"standard errors, {100 * abs(estimate.value / experiment.truth[estimate.name] - 1):.2g} %"
+        for estimate in estimates
+        if not experiment.covered[estimate.name]
+    ]
+    if not missed:
+        return ""
+    return (
+        "A 95 % interval misses the truth in one fit of twenty. At least one of "
+        f"{len(estimates)} does in {100 * (1 - 0.95 ** len(estimates)):.0f} % of fits. "
+        f"Off here: {'; '.join(missed)}."
     )
 
 
@@ -160,9 +187,16 @@ def _twin_figure(experiment: twin.Twin) -> Figure:
     intervals.set_yticks(range(len(names)), names)
     intervals.set_ylim(len(names) - 0.5, -0.5)
     intervals.set_xlabel("estimate / truth − 1  [‰]")
-    cost.semilogy(experiment.fit.cost_history, color=COLOURS[0])
-    cost.set_xlabel("evaluation")
+    # In one window the lowest cost never rises.
+    history = experiment.fit.cost_history
+    windows = np.split(np.arange(len(history)), np.flatnonzero(np.diff(history) > 0) + 1)
+    names = [*(f"first {window:g} s" for window in twin.WINDOWS), "all frames"]
+    for index, window in enumerate(windows):
+        label = names[index] if len(windows) == len(names) else f"window {index + 1}"
+        cost.semilogy(window, history[window], color=COLOURS[index], label=label)
+    cost.set_xlabel("batch of simulations")
     cost.set_ylabel("lowest cost so far")
+    cost.legend(frameon=False, fontsize="small")
     clean(intervals, cost)
     return figure
 
@@ -223,8 +257,13 @@ def _toss_section(
         for name, study in studies.items()
         for estimate in study.fit.estimates
     ]
-    for row in estimates:
-        screen.print(f"{row[0]} {row[1]}: {row[3]}")
+    for name, study in studies.items():
+        alike: dict[str, list[str]] = {}
+        for estimate in study.fit.estimates:
+            told = f"{estimate.name.replace('_', ' ')} {estimate.value:.4g}"
+            alike.setdefault(estimate.statement, []).append(told)
+        for statement, told_of in alike.items():
+            screen.print(f"{name}: {', '.join(told_of)}: {statement}")
     return Section(
         title,
         [
@@ -232,8 +271,8 @@ def _toss_section(
                 "A 0.37 kg cube thrown by hand onto a table and tracked at 148 Hz (ContactNets). "
                 "Each toss is simulated from its first frame, with a start state fitted to its "
                 "flight. Both simulators are tuned on the same tosses by the same search, MuJoCo "
-                "with twice the budget. Body properties are fitted too: the centre of mass shows "
-                "in the flights, inertia and corner radius are searched for together with the "
+                "with twice the budget. Body properties are fitted too. The centre of mass shows "
+                "in the flights. Inertia and corner radius are searched for together with the "
                 "contact's parameters, in dashpot also how friction falls with load."
             ),
             table,
@@ -273,6 +312,7 @@ def _pile_section(screen: Console) -> Section:
     screen.print("stepping a pile with dashpot and with MuJoCo")
     comparison = compare.run("pile", settings=PILE_SETTINGS)
     screen.print(comparison.table())
+    screen.print(comparison.explanation())
     header, rows = comparison.rows()
     return Section(
         "Pile: penetration and energy decay",
@@ -285,6 +325,7 @@ def _pile_section(screen: Console) -> Section:
                 f"{comparison.duration:g} s counts as settled."
             ),
             Table(header, rows, strong=[0]),
+            *map(Text, comparison.notes()),
             Picture(
                 "pile",
                 comparison.plot(),

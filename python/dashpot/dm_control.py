@@ -31,25 +31,19 @@ def with_dashpot(
 
     Observations, rewards, rendering and resets stay the environment's. ``env.physics.model`` and
     ``env.physics.data`` are those of an engine, ``env.physics.dashpot_engine``. Episodes begin as
-    without dashpot, and go on from where they are; but composer's environments, which compile their
-    model anew for each episode (or for the first), and whose entities keep what they found in it,
-    begin another one. Copies and pickles of the physics have an engine of their own, or share it
-    with the model. Arrays, bindings and ``physics.named`` that were taken before are of the old
-    data and show no step.
+    without dashpot, and go on from where they are. Composer's environments begin another one. They
+    compile their model anew for each episode (or for the first), and their entities keep what they
+    found in it. Copies and pickles of the physics have an engine of their own, or share it with the
+    model. Arrays, bindings and ``physics.named`` that were taken before are of the old data and
+    show no step.
 
     After ``physics.step`` all that MuJoCo computes from positions and velocities (poses, distances,
-    sensors of both) is that of the step's end, as in dm_control with ``legacy_step``, where that is
-    on, as it is by default; otherwise that of the last time step's start, as after ``mj_step``.
-    What has to do with forces is that of the last time step either way: accelerations, sensors of
-    force and touch, and the contacts in ``physics.data.contact``, of which
-    ``physics.data.contact_force`` gives the mean forces over it. A state that diverges, and what
-    else a step refuses, is dm_control's ``PhysicsError``, and leaves the state from before.
-
-    For example::
-
-        from dm_control import suite
-
-        env = dashpot.dm_control.with_dashpot(suite.load("walker", "run"))
+    sensors of both) is that of the step's end, as in dm_control with ``legacy_step``, which is the
+    default. Without that it is that of the last time step's start, as after ``mj_step``. What has
+    to do with forces is that of the last time step either way: accelerations, sensors of force and
+    touch, and the contacts in ``physics.data.contact``. ``physics.data.contact_force`` gives their
+    mean forces over it. A state that diverges, and what else a step refuses, is dm_control's
+    ``PhysicsError``, and leaves the state from before.
 
     Parameters
     ----------
@@ -68,6 +62,15 @@ def with_dashpot(
     ValueError
         If dashpot steps ``env`` already, or refuses its model; the message names the feature.
 
+
+    Examples
+    --------
+    >>> from dm_control import suite
+    >>> import dashpot.dm_control
+    >>> env = dashpot.dm_control.with_dashpot(suite.load("walker", "run"))
+    >>> first = env.reset()
+    >>> env.step(np.zeros(6)).reward is None
+    False
     """
     found = list(environments_in(env))
     if len(found) != 1:

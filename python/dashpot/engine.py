@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from dashpot import _core
 from dashpot.checks import is_data_of, positive_count, whole_number
 from dashpot.contact_material import ContactMaterial
-from dashpot.contacts import Contacts, Energy, of_objects
+from dashpot.contacts import Contacts, Energy, names_of_sides, of_objects
 from dashpot.engine_options import EngineOptions, ReadableOptions
 from dashpot.features import Feature, Report
 from dashpot.idle_friction import warn_of_idle_friction
 from dashpot.materials import CombinationRules, Material
 from dashpot.mjcf_materials import read_materials
 from dashpot.model_locks import new_lock
+from dashpot.model_sources import ModelLike, compiled
 from dashpot.object_ids import Element, object_id
+from dashpot.original_edits import Original, original_of
 
 __all__ = ["DivergenceError", "Engine", "StepStats"]
 
 DivergenceError = _core.DivergenceError
 StepStats = _core.StepStats
 _Key = TypeVar("_Key", int, tuple[int, int])
-_Geom = TypeVar("_Geom", bound=Element)
 
 
 @dataclass
@@ -49,8 +52,8 @@ class Engine(ReadableOptions):
     Parameters
     ----------
     model
-        Compiled model. Geoms start as rigid materials with their MJCF friction, or with the
-        ``solref`` and ``solimp`` that the model sets.
+        Compiled model, an ``MjSpec``, the path of an MJCF, URDF or MJB file, or MJCF text. Geoms
+        start rigid with their MJCF friction, or with the ``solref`` and ``solimp`` that it sets.
     law
         ``"kelvin_voigt"``, or ``"comfree"``: the published complementarity-free update.
     microsteps
@@ -74,9 +77,11 @@ class Engine(ReadableOptions):
     ------
     TypeError
         If an argument has the wrong type.
+    FileNotFoundError
+        If there is no such file.
     ValueError
-        If an option is out of range or of the other law, or the model uses a feature that the
-        engine refuses; the message names it.
+        If an option is out of range or of the other law, the model cannot be compiled, or it uses
+        a feature that the engine refuses; the message names it.
 
     Examples
     --------
@@ -84,7 +89,7 @@ class Engine(ReadableOptions):
     ...   <geom type="plane" size="1 1 .1"/>
     ...   <body pos="0 0 .1"><freejoint/><geom size=".1" mass="1"/></body>
     ... </worldbody></mujoco>''')
-    >>> engine = Engine(model)
+    >>> engine = dashpot.Engine(model)
     >>> data = engine.make_data()
     >>> stats = engine.step(data, nstep=500)
     >>> print(engine.contacts(data).force[0, 0].round(2))
@@ -94,18 +99,22 @@ class Engine(ReadableOptions):
     __slots__ = (
         "__weakref__",
         "_built",
+        "_calls",
         "_contact_capacity",
         "_geom_material",
         "_lock",
+        "_looks_at",
         "_model",
         "_nthread",
+        "_original",
         "_pair_material",
         "_scratch",
+        "_side_names",
     )
 
     def __init__(
         self,
-        model: mujoco.MjModel,
+        model: ModelLike,
         *,
         law: str = EngineOptions.law,
         microsteps: int | Literal["auto"] = EngineOptions.microsteps,
@@ -118,8 +127,7 @@ class Engine(ReadableOptions):
         comfree_damping: float | None = None,
         nthread: int = 1,
     ) -> None:
-        if not isinstance(model, mujoco.MjModel):
-            raise TypeError(f"model is {type(model).__name__}; it must be a mujoco.MjModel")
+        given, model = model, compiled(model)
         self._options = EngineOptions(
             law=law,
             microsteps=microsteps,
@@ -143,6 +151,11 @@ class Engine(ReadableOptions):
         self._lock = new_lock()
         self._built = _Built()
         self._scratch: mujoco.MjData | None = None
+        self._side_names: NDArray[np.str_] | None = None
+        self._calls, self._looks_at = 0, 1
+        self._original: Original | None = None
+        if given is model:
+            self._original = original_of(model, self._model)
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -168,13 +181,23 @@ class Engine(ReadableOptions):
         return dict(self._pair_material)
 
     def geom_id(self, geom: Element) -> int:
-        """Id of a geom given by name or id; raises ValueError naming an unknown one."""
+        """Id of a geom given by name or id; raises ValueError naming an unknown one.
+
+        Examples
+        --------
+        >>> engine.geom_id("ball")
+        1
+        """
         return object_id(self.model, geom, "geom", "geom")
 
     def body_geoms(self, body: Element) -> tuple[int, ...]:
         """Ids of a body's own geoms (not its children's): many have no names of their own.
 
-        ``engine.set_materials(dict.fromkeys(engine.body_geoms("hand"), rubber))``.
+        Examples
+        --------
+        >>> engine = dashpot.Engine(model)
+        >>> rubber = dashpot.Material(1e5, restitution=0.8)
+        >>> engine.set_materials(dict.fromkeys(engine.body_geoms("ball"), rubber))
         """
         index = object_id(self.model, body, "body", "body")
         first = int(self.model.body_geomadr[index])
@@ -189,14 +212,27 @@ class Engine(ReadableOptions):
 
         A ``UserWarning`` names friction that no contact of the geom takes, as those of all geoms
         that it could touch count. Where these follow, give all at once with :meth:`set_materials`.
+
+        Examples
+        --------
+        >>> engine = dashpot.Engine(model)
+        >>> engine.set_material("ball", dashpot.Material(1e5, restitution=0.8))
+        >>> engine.contact_material("ball", "floor").stiffness
+        100000.0
         """
         self._give({geom: material})
         self._warn_of_idle_friction([geom])
 
-    def set_materials(self, materials: Mapping[_Geom, Material | None]) -> None:
+    def set_materials(self, materials: Mapping[Any, Material | None]) -> None:
         """Give several geoms a material each, as :meth:`set_material` does, all at once or none.
 
-        ``engine.set_materials({"box": wood, "floor": steel})``
+        Examples
+        --------
+        >>> engine = dashpot.Engine(model)
+        >>> slippery = dashpot.Material(friction=0.1)
+        >>> engine.set_materials({"box": slippery, "floor": slippery})
+        >>> engine.contact_material("box", "floor").friction[0]
+        0.1
         """
         self._give(materials)
         self._warn_of_idle_friction(materials)
@@ -205,6 +241,13 @@ class Engine(ReadableOptions):
         """Give contacts between two geoms a material of their own, in place of the combination.
 
         None: the combination again.
+
+        Examples
+        --------
+        >>> engine = dashpot.Engine(model)
+        >>> engine.set_pair_material("ball", "floor", dashpot.Material(1e4, friction=0.1))
+        >>> engine.contact_material("floor", "ball").friction[0]
+        0.1
         """
         self._put_in(self._pair_material, {self._geom_pair(geom1, geom2): material})
 
@@ -213,6 +256,11 @@ class Engine(ReadableOptions):
 
         What contacts have then may also come from the model's ``solref``: see
         :meth:`contact_material`.
+
+        Examples
+        --------
+        >>> engine.material("box").stiffness is None  # rigid
+        True
         """
         return self._geom_material.get(self.geom_id(geom), Material())
 
@@ -221,6 +269,11 @@ class Engine(ReadableOptions):
 
         What applies then is :meth:`contact_material`. ValueError if a geom is unknown or both are
         the same.
+
+        Examples
+        --------
+        >>> engine.pair_material("floor", "ball").restitution
+        0.6
         """
         return self._pair_material.get(self._geom_pair(geom1, geom2))
 
@@ -234,6 +287,11 @@ class Engine(ReadableOptions):
         TypeError, ValueError
             If a geom is unknown, both are the same, the law is ``"comfree"``, the materials do not
             combine by :attr:`rules`, or the model's ``solref`` for the pair means nothing.
+
+        Examples
+        --------
+        >>> engine.contact_material("box", "floor").source
+        'rigid'
         """
         self._check_takes_materials()
         pair = self._geom_pair(geom1, geom2)
@@ -249,7 +307,13 @@ class Engine(ReadableOptions):
         return ContactMaterial(source=source, **found)
 
     def make_data(self) -> mujoco.MjData:
-        """Make data for :attr:`model`, with empty contact memory."""
+        """Make data for :attr:`model`, with empty contact memory.
+
+        Examples
+        --------
+        >>> engine.make_data().qpos[:3]
+        array([0. , 0. , 0.2])
+        """
         return mujoco.MjData(self.model)
 
     def step(self, data: mujoco.MjData, nstep: int = 1) -> StepStats:
@@ -267,7 +331,7 @@ class Engine(ReadableOptions):
         -------
         StepStats
             Contacts, islands and sizes of the last step; maxima over all steps of micro-steps,
-            clipped rows, penetration, compression and parts of a step; the number of cuts at
+            clipped rows, penetration, compression and parts of a step. The number of cuts at
             impacts.
 
         Raises
@@ -282,8 +346,8 @@ class Engine(ReadableOptions):
             A RuntimeError: if motion or contact forces diverge; data keep the state from before
             the failing step.
         RuntimeError
-            If the engine is being stepped by this thread already, as by a callback within a step;
-            if contacts exceed the memory, or rows do that sensors, plugins or flexes read; data
+            If the engine is being stepped by this thread already, as by a callback within a step.
+            If contacts exceed the memory, or rows do that sensors, plugins or flexes read. Data
             keep the state from before the failing step. Rows that nothing reads but
             :meth:`contacts` and ``mj_contactForce`` are left out where the memory of the model is
             too small for them; MuJoCo counts that in ``data.warning``. Fatal errors of MuJoCo come
@@ -292,6 +356,12 @@ class Engine(ReadableOptions):
         What Python callbacks of MuJoCo raise passes through; data keep the state from before that
         step. Ctrl-C ends a call of many steps between two of them.
 
+        Warns
+        -----
+        UserWarning
+            If ``mj_step`` moved the data since the last call, or the model that the engine was made
+            of was edited in place of :attr:`model`.
+
         Notes
         -----
         MuJoCo's own rows of contacts (``efc_*``, ``contact.efc_address``), from which
@@ -299,12 +369,24 @@ class Engine(ReadableOptions):
         In the steps before it, and in :func:`dashpot.rollout`, they are made only if the model has
         sensors, plugins or flexes, which read them. Rows of limits, equalities and dry friction are
         made in every step. Control and passive callbacks see no contacts and no rows, but sensors
-        of positions and velocities, which are computed for them first: a sensor callback is asked
+        of positions and velocities, which are computed for them first. A sensor callback is asked
         twice for these then, as it may be where sensors of contacts need no forces. In these two
         stages it sees what detection found ahead, too.
+
+        Examples
+        --------
+        >>> fresh = engine.make_data()
+        >>> stats = engine.step(fresh, nstep=20)
+        >>> round(fresh.time, 6), stats.clipped
+        (0.1, 0)
         """
         self._check_data(data)
         steps = positive_count("nstep", nstep)
+        self._calls += 1
+        if self._calls == self._looks_at:
+            self._looks_at *= 4  # ever more seldom: it takes as long as some steps
+            if self._original is not None:
+                self._original.warn_of_edits()
         built = self._built
         if built.stepper is None:
             built.stepper = _core.Stepper(
@@ -318,7 +400,7 @@ class Engine(ReadableOptions):
         *,
         geom: Element | None = None,
         body: Element | None = None,
-        pair: tuple[Element, Element] | None = None,
+        pair: Sequence[Element] | None = None,
     ) -> Contacts:
         """Contacts of the last step of ``data``, all or those that every given filter passes.
 
@@ -344,15 +426,30 @@ class Engine(ReadableOptions):
         RuntimeError
             If the last step did not end or left out MuJoCo's rows, which forces are read from,
             because the memory of the model (``<size memory="..."/>``) was too small for them.
+
+        Examples
+        --------
+        >>> engine.contacts(data, pair=("floor", "ball")).force.round(2)
+        array([[9.81, 0.  , 0.  ]])
+        >>> len(engine.contacts(data, geom="box").force)
+        4
         """
         self._check_data(data)
-        found = Contacts(
-            **_core.contacts(self.model._address, data._address, self._contact_capacity)
-        )
+        arrays = _core.contacts(self.model._address, data._address, self._contact_capacity)
+        if self._side_names is None:
+            self._side_names = names_of_sides(self.model)
+        side = np.where(arrays["geom"] >= 0, arrays["geom"], self.model.ngeom + arrays["flex"])
+        found = Contacts(names=self._side_names[side], **arrays)
         return of_objects(found, self.model, geom, body, pair)
 
     def energy(self, data: mujoco.MjData) -> Energy:
-        """Mechanical energy of the present state, and what contact has dissipated so far."""
+        """Mechanical energy of the present state, and what contact has dissipated so far.
+
+        Examples
+        --------
+        >>> round(engine.energy(data).kinetic, 6)
+        0.0
+        """
         self._check_data(data)
         if self._scratch is None:
             self._scratch = mujoco.MjData(self.model)
@@ -381,7 +478,9 @@ class Engine(ReadableOptions):
 
         Examples
         --------
-        >>> m, d = engine.to_warp(nworld=4096)
+        >>> m, d = dashpot.Engine(model).to_warp(nworld=4)
+        >>> d.qpos.shape
+        (4, 14)
         """
         from dashpot import warp
 
@@ -409,7 +508,13 @@ class Engine(ReadableOptions):
         return m, warp.make_data(self.model, nworld, **options)
 
     def report(self) -> Report:
-        """Which MJCF options and features of the model are honoured, mapped or refused."""
+        """Which MJCF options and features of the model are honoured, mapped or refused.
+
+        Examples
+        --------
+        >>> print(engine.report().features[-1].name)
+        option cone
+        """
         return Report(
             tuple(Feature(*row) for row in _core.features(self.model._address, _core.Law[self.law]))
         )
@@ -452,8 +557,11 @@ class Engine(ReadableOptions):
         self._lock = new_lock()
         self._materials_changed()
         self._scratch = None
+        self._side_names = None
+        self._calls, self._looks_at = 0, 1
+        self._original = None
 
-    def _give(self, materials: Mapping[_Geom, Material | None]) -> None:
+    def _give(self, materials: Mapping[Any, Material | None]) -> None:
         """Give geoms their materials and say nothing."""
         self._put_in(self._geom_material, {self.geom_id(g): m for g, m in materials.items()})
 

@@ -13,7 +13,14 @@ Treatment = Literal["honoured", "mapped", "refused"]
 
 @dataclass(frozen=True)
 class Feature:
-    """One feature of a model and how the engine treats it."""
+    """One feature of a model and how the engine treats it.
+
+    Examples
+    --------
+    >>> feature = engine.report().features[0]
+    >>> print(feature.name, feature.treatment)
+    option integrator=Euler honoured
+    """
 
     name: str
     treatment: Treatment
@@ -22,12 +29,24 @@ class Feature:
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """All features worth telling of a model; prints as one line each, like ones as one."""
+    """All features worth telling of a model; prints as one line each, like ones as one.
+
+    Examples
+    --------
+    >>> print(str(engine.report()).splitlines()[-1])
+    mapped    option cone: friction cones are elliptic
+    """
 
     features: tuple[Feature, ...]
 
     def of(self, treatment: Treatment) -> tuple[Feature, ...]:
-        """Features with one treatment; ValueError if there is none of that name."""
+        """Features with one treatment; ValueError if there is none of that name.
+
+        Examples
+        --------
+        >>> [feature.name for feature in engine.report().of("honoured")]
+        ['option integrator=Euler']
+        """
         if treatment not in get_args(Treatment):
             known = ", ".join(get_args(Treatment))
             raise ValueError(f"treatment must be one of {known}, got {treatment!r}")

@@ -6,12 +6,17 @@ import copyreg
 import sys
 from collections.abc import Callable, Hashable
 from functools import cache
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import mujoco
 
 from dashpot.engine import Engine
 from dashpot.handover import engine_for, refer_to
+
+if TYPE_CHECKING:
+    from dashpot.gymnasium_ids import register
+
+__all__ = ["register", "with_dashpot"]
 
 Environment = TypeVar("Environment")
 
@@ -26,17 +31,17 @@ _WELDS = "reset_mocap_welds"
 def with_dashpot(
     env_class: type[Environment], *, make_engine: Callable[[mujoco.MjModel], Engine] = Engine
 ) -> type[Environment]:
-    """Derive an environment class whose steps are dashpot's.
+    """Derive an environment class whose steps are dashpot's; `register` does it for ids.
 
     Observations, rewards, rendering and resets stay the environment's; its ``model`` and ``data``
     are those of an engine, ``dashpot_engine``. What MuJoCo computes of a state (poses of bodies,
-    sensors) is, after a step, that of the last time step's start, as after ``mj_step``; but with
+    sensors) is, after a step, that of the last time step's start, as after ``mj_step``. With
     ``RK4`` ``mj_step`` leaves that of its last stage, which is almost the end. Where an environment
     calls ``mj_step`` by itself, as some of gymnasium-robotics do in a reset to let things settle,
     it is MuJoCo that steps.
 
     An environment that steps another one that it holds, as gymnasium-robotics' kitchen and mazes
-    do, is made as it is; then the one that it holds goes over to the engine. So does one of
+    do, is made as it is. Then the one that it holds goes over to the engine. So does one of
     dm_control's, as gym-aloha's environments hold (see `dashpot.dm_control`). Ids and names that it
     kept of the model stay right; views of arrays of the data that it kept would be of the old data
     and show no step.
@@ -45,12 +50,6 @@ def with_dashpot(
     equalities without the number that they have had more since; here that number stays as it is.
     What makes environments by itself takes the class from a table, as ``gym.make`` does of
     MetaWorld's from ``metaworld.env_dict.ALL_V3_ENVIRONMENTS``: put the derived class there.
-
-    For example::
-
-        from gymnasium.envs.mujoco.ant_v5 import AntEnv
-
-        env = dashpot.gymnasium.with_dashpot(AntEnv)(render_mode="rgb_array")
 
     Parameters
     ----------
@@ -67,6 +66,16 @@ def with_dashpot(
         If ``env_class`` is no class of environments; when an environment is made, if it neither is
         nor holds one of those, or holds several, or if ``make_engine`` returned no `Engine`.
 
+
+    Examples
+    --------
+    >>> from gymnasium.envs.mujoco.ant_v5 import AntEnv
+    >>> import dashpot.gymnasium
+    >>> env = dashpot.gymnasium.with_dashpot(AntEnv)()
+    >>> observation, _ = env.reset(seed=1)
+    >>> observation, reward, *_ = env.step(env.action_space.sample())
+    >>> env.dashpot_engine.model is env.unwrapped.model
+    True
     """
     if not isinstance(env_class, type) or not (
         _steps_its_own(env_class) or all(hasattr(env_class, name) for name in ("reset", "step"))
@@ -234,3 +243,10 @@ def _make_empty(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], En
     """Make an environment whose state is yet to be set, as pickles do."""
     derived = with_dashpot(env_class, make_engine=make_engine)
     return object.__new__(derived)
+
+
+def __getattr__(name: str) -> Any:
+    """Return `register`, and classes by the paths of those that they are derived from."""
+    from dashpot import gymnasium_ids
+
+    return gymnasium_ids.register if name == "register" else gymnasium_ids.class_of_path(name)

@@ -31,6 +31,12 @@ class Quantity:
         Ends of the interval; equal where the source has one number.
     source
         Book, paper or standard, with the table or page.
+
+    Examples
+    --------
+    >>> modulus = dashpot.materials.known("steel").youngs_modulus
+    >>> modulus.low, modulus.high, modulus.middle
+    (190000000000.0, 210000000000.0, 200000000000.0)
     """
 
     low: float
@@ -61,6 +67,12 @@ class KnownMaterial:
         No unit.
     density
         kg/m^3.
+
+    Examples
+    --------
+    >>> wood = dashpot.materials.known("wood along")
+    >>> wood.name, wood.poisson_ratio.low
+    ('wood along', 0.292)
     """
 
     name: str
@@ -86,7 +98,7 @@ def known(name: str) -> KnownMaterial:
 
     Examples
     --------
-    >>> known("steel").youngs_modulus
+    >>> dashpot.materials.known("steel").youngs_modulus
     Quantity(low=190000000000.0, high=210000000000.0, source='Gere, ... table H-2')
     """
     if name in _BY_NAME:

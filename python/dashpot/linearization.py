@@ -25,7 +25,7 @@ class Linearization:
     """A step about a state and controls, ``x' = A x + B u`` and ``y = C x + D u``.
 
     All are deviations. x is (displacement of the configuration (nv), velocity (nv), activation
-    (na)), nx = 2 nv + na numbers in the units of the model; displacements are tangent vectors, as
+    (na)), nx = 2 nv + na numbers in the units of the model. Displacements are tangent vectors, as
     ``mj_differentiatePos`` has them: of a quaternion a rotation vector in the body's frame. u are
     controls, y the sensors of the step.
 
@@ -35,6 +35,12 @@ class Linearization:
     B : (nx, nu)
     C : (nsensordata, nx)
     D : (nsensordata, nu)
+
+    Examples
+    --------
+    >>> step = dashpot.linearize(engine, data)
+    >>> step.A.shape, step.B.shape, step.C.shape, step.D.shape
+    ((24, 24), (24, 0), (0, 24), (0, 0))
     """
 
     A: Array
@@ -53,19 +59,20 @@ def linearize(
 ) -> Linearization:
     """Differentiate one step by finite differences, as ``mujoco.mjd_transitionFD`` does.
 
-    The step is that of a state without contact memory: friction springs start unstretched where
-    the bodies are, contacts of a given stiffness are compressed by their overlap, as in the first
-    step of data. So the result is a function of the state alone, and what sticks has no stiffness
+    The step is that of a state without contact memory. Friction springs start unstretched where the
+    bodies are. Contacts of a given stiffness are compressed by their overlap, as in the first step
+    of data. So the result is a function of the state alone, and what sticks has no stiffness
     against a displacement, but keeps its place. Where contact begins, ends or starts to slip within
     the step, the derivative jumps, and differences are of either side. Where a rigid contact is hit
     with friction within it, even the step jumps, by 1 to 3 % of the speed with where in the step
-    that is, and differences are noise: a material with a stiffness is smooth.
+    that is. Differences are noise then. A material with a stiffness is smooth.
 
-    Velocities at its end are those that the next step starts from, with the second half of the step
-    that `Engine.step` adds there to what contacts, limits and equalities hold, once it knows the
-    forces at the end (docs/method.md, section 6): so powers of A follow the motion of many steps.
-    What sticks by rigid friction gives way anew in each of these, as on a stiff damper: an upright
-    pendulum of two links on a foot of 3 kg falls at 11.4/s by powers of A, at 11.1/s by steps.
+    Velocities at its end are those that the next step starts from. They have the second half of the
+    step that `Engine.step` adds there to what contacts, limits and equalities hold, once it knows
+    the forces at the end (docs/method.md, section 6). So powers of A follow the motion of many
+    steps. What sticks by rigid friction gives way anew in each of these, as on a stiff damper. An
+    upright pendulum of two links on a foot of 3 kg falls at 11.4/s by powers of A, at 11.1/s by
+    steps.
 
     Parameters
     ----------
@@ -92,6 +99,14 @@ def linearize(
         If `eps` is out of range, `data` was made from another model, or a step fails.
     DivergenceError
         If the motion of a step diverges.
+
+    Examples
+    --------
+    >>> flying = engine.make_data()
+    >>> flying.qpos[2] = 2.0
+    >>> A = dashpot.linearize(engine, flying).A
+    >>> A[2, [2, engine.model.nv + 2]].round(6)  # height after a step, by height and by speed
+    array([1.   , 0.005])
     """
     if not isinstance(engine, Engine):
         raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")

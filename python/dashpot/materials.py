@@ -39,15 +39,15 @@ class Material:
 
     Give at most one of `damping`, `damping_ratio` and `restitution`; without any the contact is
     critically damped (damping ratio 1). Rigid contacts are as stiff as micro-steps resolve first,
-    and as damped as these resolve then: alone they have their damping ratio, several at one body
-    may have less (a box that falls flat on a rigid floor rebounds at 0.13 to 0.25). Where a
+    and as damped as these resolve then. Alone they have their damping ratio. Several at one body
+    may have less: a box that falls flat on a rigid floor rebounds at 0.13 to 0.25. Where a
     `restitution` asks for more, stiffness gives way, as far as weights do not press bodies in
     visibly.
 
     Contacts combine the materials of both geoms by the engine's `CombinationRules`. By default the
     larger friction counts, as in MuJoCo, and geoms without one keep that of the MJCF (sliding 1 if
-    it says nothing): lower friction has to be set for both geoms, or for the pair.
-    Where neither material names friction, rules for it have no effect.
+    it says nothing). Lower friction has to be set for both geoms, or for the pair. Where neither
+    material names friction, rules for it have no effect.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Material:
         Contact stiffness k, N/m, > 0. None means rigid: as stiff as the micro-step resolves.
     damping : float, optional
         Damping d, N s/m, >= 0; one above 0 needs a stiffness. What a spring and a damper return of
-        a bounce goes by both, and a rigid contact is as stiff as the time step has it: 5 N s/m
+        a bounce goes by both, and a rigid contact is as stiff as the time step has it. 5 N s/m
         would leave 1 kg all of its speed, 5000 N s/m four fifths or a seventh, by the step. Rigid
         contacts take a `damping_ratio` or a `restitution`.
     damping_ratio : float, optional
@@ -63,21 +63,21 @@ class Material:
         of geoms that are pressed together have it together: m is that of their common vibration.
     restitution : float, optional
         Ratio of rebound to approach speed in [0, 1], exact for an unloaded contact that releases
-        when its force reaches zero; a body that lands flat rebounds with it to what micro-steps
+        when its force reaches zero. A body that lands flat rebounds with it to what micro-steps
         resolve (rigid boxes at 0.48 to 0.5 for 0.5, at 0.46 with steps of 10 ms). 0 means as much
-        damping as the micro-step resolves, of rigid contacts a damping ratio of 3 (they rebound
-        at 0.02, flat ones with steps of 10 ms at up to 0.1), and of 5 along the surface while they
-        are hit, so that what lands off-centre stays where it lands.
-        With a stiffness, 0 is not the limit of small restitution where there is friction, whose
-        springs are then damped as much as the normal (see `tangential_damping_ratio`), so that
-        friction acts within the impact: what slides loses as much speed as with 0.02 to 0.03. With
-        less than 0.01 the force of an impact is over before friction has grown, and it loses less.
+        damping as the micro-step resolves. Rigid contacts have a damping ratio of 3 then, and of 5
+        along the surface while they are hit, so that what lands off-centre stays where it lands.
+        They rebound at 0.02, flat ones with steps of 10 ms at up to 0.1. With a stiffness, 0 is not
+        the limit of small restitution where there is friction. Springs of friction are then damped
+        as much as the normal (see `tangential_damping_ratio`), so that friction acts within the
+        impact. What slides loses as much speed as with 0.02 to 0.03. With less than 0.01 the force
+        of an impact is over before friction has grown, and it loses less.
     friction : float or (sliding, torsional, rolling), optional
         Friction coefficients, >= 0: sliding (dimensionless), torsional (m), rolling (m). A single
         number sets sliding only and leaves the other two as the MJCF says; None leaves all three.
         Which of them act is up to the ``condim`` of the contact, the larger of the geoms' or that
-        of the higher priority: sliding from 3 on (MuJoCo's default), torsional from 4 on, rolling
-        at 6. The others have no effect.
+        of the higher priority. Sliding acts from 3 on (MuJoCo's default), torsional from 4 on,
+        rolling at 6. The others have no effect.
     loaded_friction : float
         Share s of the friction coefficients that is left under heavy load, in (0, 1]; 1 for
         friction that does not depend on load. At a normal force f coefficients count
@@ -92,8 +92,8 @@ class Material:
     tangential_damping_ratio : float
         Damping ratio of the friction springs, >= 0, at the mean inverse mass along the surface.
         With a stiffness and restitution 0 they have fifty times as much, as the normal has, whose
-        force is over as soon; rigid contacts with less than 0.135, while they are hit, up to five
-        times.
+        force is over as soon. Rigid contacts with less than 0.135 have, while they are hit, up to
+        five times as much.
 
     Raises
     ------
@@ -102,6 +102,14 @@ class Material:
     ValueError
         A field is outside its range, more than one form of damping is given, or a damping in
         N s/m without a stiffness.
+
+    Examples
+    --------
+    >>> rubber = dashpot.Material(stiffness=1e5, restitution=0.8)
+    >>> engine = dashpot.Engine(model)
+    >>> engine.set_material("ball", rubber)
+    >>> engine.material("ball").stiffness
+    100000.0
     """
 
     stiffness: float | None = None
@@ -152,7 +160,7 @@ class Material:
             normalise(field, _number("Material", field, value, upper=upper))
         if self.damping and self.stiffness is None:
             raise ValueError(
-                f"Material: damping = {self.damping:g} N s/m needs a stiffness; without one the "
+                f"Material: damping = {self.damping:g} N s/m needs a stiffness. Without one the "
                 "contact is as stiff as the time step resolves, and what it returns of a bounce "
                 "would go by the step. Give a stiffness too, or a damping_ratio or restitution "
                 "in place of the damping"
@@ -192,10 +200,10 @@ class Material:
         """Return the material of a pair of elastic bodies, for `Engine.set_pair_material`.
 
         Bodies that touch at a point are stiffer the harder they are pressed together (Hertz:
-        Johnson, Contact Mechanics, 1985, sections 4.2 and 11.4), by a force
-        ``F = 4/3 E* sqrt(R) delta^1.5`` over their approach delta, where
-        ``1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`` and ``1/R = 1/R1 + 1/R2``. A `Material` has one
-        stiffness, which is right at one load or for one impact:
+        Johnson, Contact Mechanics, 1985, sections 4.2 and 11.4). The force is ``F = 4/3 E* sqrt(R)
+        delta^1.5``, of their approach delta, with ``1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`` and
+        ``1/R = 1/R1 + 1/R2``. A `Material` has one stiffness, which is right at one load or for one
+        impact:
 
         * with `load`, the slope ``dF/d(delta) = (6 R E*^2 F)^(1/3)`` there: vibrations about the
           load are right, the approach itself is two thirds of Hertz's;
@@ -205,10 +213,10 @@ class Material:
           times.
 
         It holds while the circle of contact, of radius ``sqrt(R delta)``, is small beside radii and
-        thicknesses (a tenth: errors of some per cent), surfaces are smooth and do not stick, and
-        bodies are isotropic and do not yield. Metals yield early: where the peak pressure
-        ``2 E*/pi sqrt(delta/R)`` is 1.6 times the yield strength (Johnson, section 6.1). Impacts
-        have to be slow beside waves in the bodies. Contacts of flat sides have no such law.
+        thicknesses (a tenth: errors of some per cent). Surfaces have to be smooth and not to stick,
+        and bodies to be isotropic and not to yield. Metals yield early: where the peak pressure ``2
+        E*/pi sqrt(delta/R)`` is 1.6 times the yield strength (Johnson, section 6.1). Impacts have
+        to be slow beside waves in the bodies. Contacts of flat sides have no such law.
 
         Parameters
         ----------
@@ -218,8 +226,8 @@ class Material:
             Poisson's ratios, above -1 and at most 0.5.
         radii : (R1, R2)
             Radii at the point of contact, m: infinite for a plane, negative for a hollow. Cylinders
-            crossed at right angles are a sphere of radius ``sqrt(R1 R2)`` on a plane, to 1, 2 and
-            5 % of the approach for radii in a ratio of 2, 3 and 5.
+            crossed at right angles are a sphere of radius ``sqrt(R1 R2)`` on a plane. It holds to
+            1, 2 and 5 % of the approach for radii in a ratio of 2, 3 and 5.
         load : float
             Normal force F, N, > 0.
         speed, mass : float
@@ -237,15 +245,16 @@ class Material:
 
         Examples
         --------
-        A steel ball of 10 mm on a steel plate, dropped from 5 cm::
+        A steel ball of 10 mm on a steel plate, dropped from 5 cm:
 
-            steel = dashpot.materials.known("steel")
-            modulus, ratio = steel.youngs_modulus.middle, steel.poisson_ratio.middle
-            contact = dashpot.Material.from_elasticity(
-                (modulus, modulus), (ratio, ratio), (0.01, math.inf),
-                speed=1.0, mass=0.033, restitution=0.9,
-            )
-            engine.set_pair_material("ball", "plate", contact)
+        >>> steel = dashpot.materials.known("steel")
+        >>> modulus, ratio = steel.youngs_modulus.middle, steel.poisson_ratio.middle
+        >>> contact = dashpot.Material.from_elasticity(
+        ...     (modulus, modulus), (ratio, ratio), (0.01, math.inf),
+        ...     speed=1.0, mass=0.033, restitution=0.9,
+        ... )
+        >>> f"{contact.stiffness:.2e} N/m"
+        '5.70e+07 N/m'
         """
         modulus = hertz.contact_modulus(youngs_moduli, poisson_ratios)
         radius = hertz.effective_radius(radii)
@@ -315,15 +324,15 @@ class CombinationRules:
     stiffness : {"series", "min", "max", "mean"}
         "series": two springs in series, ``1/k = 1/k1 + 1/k2``. A rigid side has no compliance.
     damping : {"series", "min", "max", "mean"}
-        "series": two dampings in N s/m are two dashpots in series, ``d = d1 d2 / (d1 + d2)``; two
+        "series": two dampings in N s/m are two dashpots in series, ``d = d1 d2 / (d1 + d2)``. Two
         damping ratios (restitution is turned into one) are averaged with the share of elastic
-        energy as weight; of one each, the ratio part and the N s/m part scaled by their shares add.
-        Beside a geom without a material that of the other is taken whole under every rule, and
-        that of a soft side against a rigid one, unless both are in N s/m. "min" and "max" need
-        both in the same form.
+        energy as weight. Of one each, the ratio part and the N s/m part scaled by their shares add.
+        Beside a geom without a material that of the other is taken whole under every rule. So is
+        that of a soft side against a rigid one, unless both are in N s/m. "min" and "max" need both
+        in the same form.
     friction : {"max", "min", "mean", "geometric_mean"}
         Element by element; "max" is MuJoCo's. It acts where a `Material` of at least one of the two
-        geoms names friction, the other's being its own or that of the MJCF; contacts of geoms
+        geoms names friction, the other's being its own or that of the MJCF. Contacts of geoms
         without such a material have MuJoCo's own friction, whatever the rule. Sliding friction
         under heavy load combines by the same rule, and the load at which it falls is the mean of
         both, by how much of it each loses.
@@ -332,6 +341,14 @@ class CombinationRules:
     ------
     ValueError
         Unknown rule; the message lists the known ones.
+
+    Examples
+    --------
+    >>> engine = dashpot.Engine(model, rules=dashpot.CombinationRules(friction="min"))
+    >>> engine.set_material("ball", dashpot.Material(1e4, friction=0.2))
+    >>> contact = engine.contact_material("ball", "floor")
+    >>> contact.stiffness, contact.friction[0]
+    (10000.0, 0.2)
     """
 
     stiffness: str = "series"

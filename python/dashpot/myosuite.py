@@ -20,10 +20,6 @@ def make(
 ) -> Any:
     """Make one of MyoSuite's environments that dashpot steps, as ``gymnasium.make`` does.
 
-    For example::
-
-        env = dashpot.myosuite.make("myoHandPenTwirlRandom-v0")
-
     Parameters
     ----------
     env_id
@@ -32,6 +28,13 @@ def make(
         As of `with_dashpot`.
     kwargs
         What else ``gymnasium.make`` takes.
+
+    Examples
+    --------
+    >>> import dashpot.myosuite
+    >>> env = dashpot.myosuite.make("myoHandPenTwirlRandom-v0")
+    >>> type(env.unwrapped.dashpot_engine).__name__
+    'Engine'
     """
     importlib.import_module("myosuite")
     registration = importlib.import_module("gymnasium.envs.registration")
@@ -49,9 +52,9 @@ def with_dashpot(
     """Derive an environment class whose steps are dashpot's.
 
     Muscles, observations, rewards, rendering and resets stay the environment's; its ``model`` and
-    ``data`` are those of an engine, ``dashpot_engine``. What MuJoCo computes of a state is, after
-    a step, that of the new state, as MyoSuite has it, but for contacts and the sensors of forces,
-    which are those of the last time step.
+    ``data`` are those of an engine, ``dashpot_engine``. What MuJoCo computes of a state is, after a
+    step, that of the new state, as MyoSuite has it. Contacts and the sensors of forces are those of
+    the last time step.
 
     Parameters
     ----------
@@ -66,6 +69,12 @@ def with_dashpot(
         If ``env_class`` is no such class; when an environment is made, if ``make_engine`` returned
         no `Engine`.
 
+
+    Examples
+    --------
+    >>> import gymnasium, dashpot.myosuite
+    >>> plain = gymnasium.make("myoHandPenTwirlRandom-v0").unwrapped
+    >>> with_dashpot = dashpot.myosuite.with_dashpot(type(plain))
     """
     if not isinstance(env_class, type) or not hasattr(env_class, "_step_physics"):
         raise TypeError(f"env_class is {env_class!r}, no class of MyoSuite's environments")

@@ -32,10 +32,7 @@ def with_dashpot(
     and ``sim.set_state`` restores it. A state without any, such as a flattened one, begins as data
     just made do.
 
-    robosuite knows the class by its name, too. For example::
-
-        env = dashpot.robosuite.with_dashpot("Lift")(robots="Panda", use_camera_obs=False)
-        env = robosuite.make("LiftWithDashpot", robots="Panda", use_camera_obs=False)
+    robosuite knows the class by its name, too: ``"LiftWithDashpot"``.
 
     robosuite 1.5.2 calls functions of MuJoCo as they were before 3.10; from the first call of this
     function on they take such calls, in environments of plain robosuite as well.
@@ -55,6 +52,14 @@ def with_dashpot(
     ValueError
         If robosuite knows no environment of that name.
 
+
+    Examples
+    --------
+    >>> import dashpot.robosuite
+    >>> without = {"has_renderer": False, "has_offscreen_renderer": False}
+    >>> env = dashpot.robosuite.with_dashpot("Lift")("Panda", use_camera_obs=False, **without)
+    >>> type(env).__name__
+    'LiftWithDashpot'
     """
     if isinstance(env_class, str):
         env_class = _registered(env_class)

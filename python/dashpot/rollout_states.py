@@ -24,14 +24,12 @@ class RolloutStates:
 
     Examples
     --------
-    >>> import mujoco
-    >>> from dashpot import Engine, rollout
-    >>> engine = Engine(mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
+    >>> engine = dashpot.Engine(mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
     ...   <geom type="plane" size="1 1 1"/>
     ...   <body pos="0 0 .1"><freejoint/><geom size=".1"/></body></worldbody></mujoco>'''))
     >>> start = [0.0, 0, 0, 0.1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]  # time, qpos, qvel
-    >>> states, _ = rollout(engine, start, nstep=100, with_memory=True)
-    >>> further, _ = rollout(engine, states[:, 49], nstep=50)
+    >>> states, _ = dashpot.rollout(engine, start, nstep=100, with_memory=True)
+    >>> further, _ = dashpot.rollout(engine, states[:, 49], nstep=50)
     >>> bool((further[0, -1] == states[0, -1, :14]).all())
     True
     """

@@ -23,7 +23,22 @@ _MOST_NAMED = 100
 
 
 class DivergenceWarning(UserWarning):
-    """Rollouts diverged, and were filled with NaN as `rollout(on_divergence="nan")` asks."""
+    """Rollouts diverged, and were filled with NaN as `rollout(on_divergence="nan")` asks.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> pulled = dashpot.Engine(mujoco.MjModel.from_xml_string('''<mujoco><worldbody><body>
+    ...   <joint type="slide" axis="0 0 1" stiffness="-1e7"/><geom size=".1" mass="1"/>
+    ... </body></worldbody></mujoco>'''))
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     states, _ = dashpot.rollout(
+    ...         pulled, [[0, 0, 0], [0, 1, 0]], nstep=50, on_divergence="nan"
+    ...     )
+    >>> caught[0].category.__name__, np.isnan(states[:, -1]).all(axis=-1)
+    ('DivergenceWarning', array([ True,  True]))
+    """
 
 
 @overload
@@ -108,21 +123,21 @@ def rollout(
         for a thread. Nothing is read from it or written to it. It may be left out:
         ``rollout(engine, initial_state, control)``.
     initial_state
-        (nstate,), (1, nstate) or (nbatch, nstate). Either full-physics states (``nstate ==
-        mj_stateSize(model, mjSTATE_FULLPHYSICS)``), which start without contact memory and without
-        applied forces, and with mocap bodies where the model has them, as `mujoco.rollout` does; or
-        integration states (``mjSTATE_INTEGRATION``), which carry contact memory (friction and
-        compression, kept in the data's user data), controls, applied forces and poses of mocap
-        bodies, so that a rollout goes on from an earlier one bit for bit. Where the two sizes are
-        equal they hold the same.
+        (nstate,), (1, nstate) or (nbatch, nstate). Full-physics states (``nstate ==
+        mj_stateSize(model, mjSTATE_FULLPHYSICS)``) start without contact memory and without applied
+        forces, and with mocap bodies where the model has them, as `mujoco.rollout` does.
+        Integration states (``mjSTATE_INTEGRATION``) carry contact memory (friction and compression,
+        kept in the data's user data), controls, applied forces and poses of mocap bodies. From
+        these a rollout goes on from an earlier one bit for bit. Where the two sizes are equal they
+        hold the same.
     control
         (ncontrol,), (nstep, ncontrol) or (nbatch, nstep, ncontrol), dimensions of size 1 repeated;
         ``ncontrol == mj_stateSize(model, control_spec)``. None: zero, or, for integration states,
         what the state holds.
     control_spec
-        What `control` holds, bits of ``mjtState``: controls, and with them or in their place
-        applied forces, poses of mocap bodies and which equalities are active, in the order of
-        ``mj_setState`` (``mjSTATE_CTRL | mjSTATE_MOCAP_POS``, say). Not user data, where contact
+        What `control` holds, bits of ``mjtState``, such as ``mjSTATE_CTRL | mjSTATE_MOCAP_POS``.
+        That is controls, and with them or in their place applied forces, poses of mocap bodies and
+        which equalities are active, in the order of ``mj_setState``. Not user data, where contact
         memory lies.
     nstep
         Number of steps, >= 1. None: from `control`, `state` or `sensordata`, else 1.
@@ -137,7 +152,7 @@ def rollout(
         on from each of them. They are `RolloutStates`, which keep numbers that are not zero alone,
         where `state` is not given. False: as full-physics states, which are as short as MuJoCo's.
     on_divergence
-        What a rollout does whose state diverges: "raise" ends all of them; "nan" fills its states
+        What a rollout does whose state diverges. "raise" ends all of them. "nan" fills its states
         and sensor data from that step on with NaN, leaves the others as they are, bit for bit, and
         gives a `DivergenceWarning` that names the rollouts.
     state, sensordata
@@ -166,9 +181,9 @@ def rollout(
         float64, and for arguments that are not numbers. It is a ValueError too, which
         `mujoco.rollout` raises.
     ValueError
-        For shapes that do not fit and numbers that are not finite, naming argument and index, for
-        bits in `control_spec` that are nothing given from outside, and where a rollout fails,
-        naming rollout and step.
+        For shapes that do not fit and numbers that are not finite, naming argument and index. For
+        bits in `control_spec` that are nothing given from outside. Where a rollout fails, naming
+        rollout and step.
     DivergenceError
         Where a rollout diverges, naming rollout and step, unless `on_divergence` is "nan".
 
@@ -176,9 +191,9 @@ def rollout(
     --------
     >>> model = mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
     ...   <body><joint type="slide" axis="0 0 1"/><geom size=".1"/></body></worldbody></mujoco>''')
-    >>> engine = Engine(model)
+    >>> engine = dashpot.Engine(model)
     >>> starts = [[0.0, height, 0.0] for height in (1.0, 2.0)]  # time, qpos, qvel
-    >>> states, _ = rollout(engine, starts, nstep=100)
+    >>> states, _ = dashpot.rollout(engine, starts, nstep=100)
     >>> states[:, -1, 1].round(3)
     array([0.802, 1.802])
     """

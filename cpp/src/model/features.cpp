@@ -41,8 +41,8 @@ void report_solref(Report& report, const std::string& name, const mjtNum* solref
         name + " solref/solimp", Treatment::kMapped,
         report.comfree()
             ? "solimp sets the effective mass; stiffness and damping are the law's"
-            : "spring-damper, where no material is set: a load at rest deforms it as far as in "
-              "MuJoCo, at most as rigid as the micro-steps resolve; same damping ratio");
+            : "spring-damper, where no material is set. A load at rest deforms it as far as in "
+              "MuJoCo. At most as rigid as the micro-steps resolve; same damping ratio");
 }
 
 // The load of a limit or an equality is not known beforehand.
@@ -50,7 +50,7 @@ void report_scalar_solref(Report& report, const std::string& name, const mjtNum*
                           const mjtNum* solimp, bool even_default = false) {
   const char* const note =
       "spring-damper as at the full impedance of solimp, at most as rigid as the micro-steps "
-      "resolve: a load at rest deforms it as far as in MuJoCo if that is solimp's width or more; "
+      "resolve. A load at rest deforms it as far as in MuJoCo if that is solimp's width or more; "
       "same damping ratio";
   if (report.comfree())
     report_solref(report, name, solref, solimp, even_default);
@@ -125,7 +125,7 @@ void report_options(const mjModel* m, Report& report) {
     report.add(
         "option ccd_tolerance, flag multiccd", Treatment::kMapped,
         "nearest points are searched to 1e-8 of the smaller half width, at most 1e-9 m, with "
-        "capsules to 1e-4 of it or ccd_tolerance; what lies flat, on a side or along an edge "
+        "capsules to 1e-4 of it or ccd_tolerance. What lies flat, on a side or along an edge "
         "has points of its own");
   report.add("option cone", Treatment::kMapped,
              report.comfree() ? "friction cones are pyramids" : "friction cones are elliptic");

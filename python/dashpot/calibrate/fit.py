@@ -76,21 +76,20 @@ def fit(
 ) -> Fit:
     """Estimate the parameters of `problem` and say what the data identify.
 
-    A trajectory with impacts makes a cost with many valleys: shortly after the first impact there
+    A trajectory with impacts makes a cost with many valleys. Shortly after the first impact there
     are few, so `windows` can be searched first, each from the last one's estimate, before the
-    problem's own window; `starts` spreads further starts over the bounds. Where neither is given,
-    both are chosen: values at which parameters begin to act that do not (friction that always
-    holds), then 31 more starts and windows that grow from the onset of contact. Least squares
-    takes them only where the stated noise does not explain the residuals at the end of a search
-    from the parameters' own start, and searches from the best starts in turn; the others take them
-    at once, from the best start.
-    A model that is not quite right explains no end, and such fits spend most of their budget on
-    better ones; ``starts=0`` saves that.
-    What noise explains may be a bad valley yet: the cost is then followed along each parameter to
-    its bounds, all other unknowns refitted, and the search goes on from where it is lower, if
-    anywhere (see `dashpot.calibrate.inference.settlement`).
-    On rough ground, as of blocks that slide from the first frame on, a search ends where the cost
-    changes by a small part of what one standard error does.
+    problem's own window. `starts` spreads further starts over the bounds. Where neither is given,
+    both are chosen. First come values at which parameters begin to act that do not (friction that
+    always holds), then 31 more starts and windows that grow from the onset of contact. Least
+    squares takes them only where the stated noise does not explain the residuals at the end of a
+    search from the parameters' own start. It searches from the best starts in turn. The others take
+    them at once, from the best start. A model that is not quite right explains no end, and such
+    fits spend most of their budget on better ones; ``starts=0`` saves that. What noise explains may
+    be a bad valley yet. The cost is then followed along each parameter to its bounds, all other
+    unknowns refitted, and the search goes on from where it is lower, if anywhere (see
+    `dashpot.calibrate.inference.settlement`). On rough ground, as of blocks that slide from the
+    first frame on, a search ends where the cost changes by a small part of what one standard error
+    does.
 
     What was not measured, or carries no noise (see `Problem`), counts as no residual in any of
     this.
@@ -98,15 +97,15 @@ def fit(
     Standard errors are scaled with the residuals, as `scipy.optimize.curve_fit` does without
     ``absolute_sigma``: noise stated too small or too large by the same factor everywhere changes
     no interval. But where residuals are far larger than stated, no parameter counts as identified
-    (unless errors are clustered): the model is not right then, and scaling does not tell what that
+    (unless errors are clustered). The model is not right then, and scaling does not tell what that
     does to the estimates. Noise stated too large would hide that, so residuals have to be white
-    too: in a bad valley, or of a model that is not right, those of neighbouring frames are alike.
+    too. In a bad valley, or of a model that is not right, those of neighbouring frames are alike.
     Noise that is so itself, as of a tracker that smooths, counts as such a misfit; of every third
     frame alone it may be white.
 
     Intervals are those of a linear model over their own width, and contain what it leaves over
     (see `dashpot.calibrate.inference.statistical_linearization`). They go on to where the cost
-    itself has risen by as much as their confidence asks for; around the end of a search that has
+    itself has risen by as much as their confidence asks for. Around the end of a search that has
     not converged they are rougher, and no parameter counts as identified.
 
     Parameters
@@ -122,7 +121,7 @@ def fit(
     loss
         ``"linear"`` or a robust loss of `scipy.optimize.least_squares`, for data with outliers.
         What the noise explains is then read off the smaller 70 % of the residuals (see
-        `Fit.residual_variance`); searches go on to further starts where more than a tenth of the
+        `Fit.residual_variance`). Searches go on to further starts where more than a tenth of the
         residuals are beyond four standard deviations, or noise does not explain the others.
     loss_scale
         Weighted residual (in standard deviations) from which a robust loss counts as outlying, > 0;
@@ -173,7 +172,7 @@ def fit(
     TypeError
         If `problem` is no `Problem`, or an option is not of its type.
     ValueError
-        For options out of range, where there are no more residuals than unknowns, and where the
+        For options out of range, and where there are no more residuals than unknowns. Where the
         start, or all that is tried, cannot be built or simulated, naming trajectory and values.
         Other candidates that fail count as infinitely bad.
 
@@ -182,6 +181,13 @@ def fit(
     UserWarning
         Of data that were hardly meant so, of friction that has no effect between its bounds, and
         where a body sinks through a geom in the simulation with the estimate.
+
+    Examples
+    --------
+    >>> result = fit(problem, starts=0)
+    >>> estimate = result["restitution"]
+    >>> estimate.identified, f"{estimate.value:.2f}"
+    (True, '0.60')
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")

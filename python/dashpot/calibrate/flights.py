@@ -44,21 +44,13 @@ def with_flights(
     """Return `problem` with the initial states that fit the flights of its trajectories best.
 
     A flight is what was recorded up to the first frame in which two geoms come nearer than
-    `clearance`. What is returned has ``initial_state="given"``. Boxes on a hinge that are tossed,
-    fifteen to be fitted and the others to be predicted::
-
-        tossed = with_flights(Problem(engine, unknown, tosses, 5e-3, 0.09,
-                                      sensor_sigma={"hinge": 0.09},
-                                      initial_state="pose_and_velocity"))
-        seen = replace(tossed, trajectories=tossed.trajectories[:15], window=0.2)
-        result = fit(seen, method="cma", loss="cauchy")
-        print(result.predict(tossed.trajectories[15:]))
+    `clearance`. What is returned has ``initial_state="given"``.
 
     Parameters
     ----------
     problem
         With ``initial_state="pose_and_velocity"``. Of every trajectory the poses of all bodies on
-        free joints are observed; joints that no ``jointpos`` sensor reads are held to be where the
+        free joints are observed. Joints that no ``jointpos`` sensor reads are held to be where the
         trajectory, or the model, has them.
     values
         Parameters by name, which are held. None: where they start. What acts in flight, as inertia
@@ -72,6 +64,18 @@ def with_flights(
     ------
     TypeError, ValueError
         Naming the trajectory, where too little of it is flight.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import with_flights
+    >>> ball = dashpot.Engine(mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
+    ...   <geom name="floor" type="plane" size="5 5 .1"/>
+    ...   <body name="ball" pos="0 0 .2"><freejoint/><geom name="ball" size=".1" mass="1"/></body>
+    ... </worldbody></mujoco>'''))
+    >>> seen = Trajectory("throw", time, position, poses[:, 3:], bodies="ball")
+    >>> of_ball = Problem(ball, unknown, [seen], 1e-4, 0.01, initial_state="pose_and_velocity")
+    >>> with_flights(of_ball).trajectories[0].initial_qvel[:3].round(1) + 0.0  # m/s
+    array([0.5, 0. , 1. ])
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")

@@ -82,6 +82,12 @@ class Outputs:
             Where Jinja2 is not installed, naming the extra.
         TypeError, ValueError
             As `predict`; and where `beside` holds something else than fits.
+
+        Examples
+        --------
+        >>> path = result.report("ball.html", title="A thrown ball")
+        >>> path.name
+        'ball.html'
         """
         from dashpot.calibrate.report.page import write_report
 
@@ -104,6 +110,13 @@ class Outputs:
         Returns
         -------
         The file.
+
+        Examples
+        --------
+        >>> from dashpot.calibrate import Fit
+        >>> path = result.save("ball.json")
+        >>> Fit.load(path).values == result.values
+        True
         """
         from dashpot.calibrate.saved import save
 
@@ -128,6 +141,14 @@ class Outputs:
             `problem` has other parameters.
         FileNotFoundError
             If there is no such file.
+
+        Examples
+        --------
+        >>> from dashpot.calibrate import Fit
+        >>> path = result.save("ball.json")
+        >>> again = Fit.load(path, problem=problem)
+        >>> len(again.predict())
+        1
         """
         from dashpot.calibrate.saved import load
 
@@ -144,7 +165,7 @@ class Outputs:
         """Write the model with the fitted values as an MJCF, and say what is in it.
 
         What parameters set in the model is written as the model's own attributes. Materials are
-        custom numerics, which `dashpot.Engine` reads and MuJoCo ignores; with ``"solref"`` there
+        custom numerics, which `dashpot.Engine` reads and MuJoCo ignores. With ``"solref"`` there
         are contact pairs beside them, whose ``solref`` and ``solimp`` press in at rest as far as
         the materials do, for steps of MuJoCo's own.
 
@@ -168,9 +189,15 @@ class Outputs:
         Raises
         ------
         ValueError
-            Naming the parameter that a function of the user's own sets; where the scene is not the
-            fitted model, or cannot say a value; with ``"solref"`` the contact that MuJoCo has no
+            Naming the parameter that a function of the user's own sets. Where the scene is not the
+            fitted model, or cannot say a value. With ``"solref"`` the contact that MuJoCo has no
             counterpart for.
+
+        Examples
+        --------
+        >>> written = result.write_mjcf("ball.xml", scene=scene)
+        >>> written.path.name
+        'ball.xml'
         """
         from dashpot.calibrate.mjcf import write_mjcf
 

@@ -64,6 +64,12 @@ class Prediction:
         By kind, simulated times of events (s, on the clock of the trajectory) and scalars.
     residuals
         By function of the problem's own, (n,) what it returns.
+
+    Examples
+    --------
+    >>> (prediction,) = result.predict()
+    >>> float(np.abs(prediction.position_error).max()) < 5e-4  # m
+    True
     """
 
     trajectory: Trajectory
@@ -121,10 +127,10 @@ def predict(
 
     A simulation starts somewhere. Without `head` it starts in the state that the trajectory carries
     (or that ``start_states`` gives), as with ``initial_state="given"``. Where the problem estimates
-    initial states and none is known, say how many seconds of a trajectory tell it: the initial
-    state is then fitted to this `head`, parameters being held, and what comes after is predicted.
-    A head that ends before the first contact is independent of contact parameters. Its noise makes
-    an error of the start, which grows with time and is part of the errors returned.
+    initial states and none is known, say how many seconds of a trajectory tell it. The initial
+    state is then fitted to this `head`, parameters being held, and what comes after is predicted. A
+    head that ends before the first contact is independent of contact parameters. Its noise makes an
+    error of the start, which grows with time and is part of the errors returned.
 
     Parameters
     ----------
@@ -149,6 +155,13 @@ def predict(
     ValueError
         Naming the parameter, trajectory or option; where a trajectory carries no ``initial_qvel``
         and there is no `head`; and where a simulation fails.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import predict
+    >>> (prediction,) = predict(problem, {"stiffness": 1e4, "restitution": 0.6})
+    >>> float(np.abs(prediction.position_error).max()) < 5e-4  # m
+    True
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")

@@ -28,7 +28,16 @@ class Readback:
         return dict(cast("Fit", self).problem.held)
 
     def vector(self, name: str) -> Array:
-        """Return the values of a vector parameter, (numbers,); KeyError where there is none."""
+        """Return the values of a vector parameter, (numbers,); KeyError where there is none.
+
+        Examples
+        --------
+        >>> shared = Problem(engine, [Parameter.pair("ball", "floor", "friction",
+        ...     start=[0.3, 0.01, 0.001], bounds=[(0.1, 1), (1e-4, 0.1), (1e-5, 0.1)]), *unknown],
+        ...     [throw], 1e-4, initial_state="given")
+        >>> fit(shared, starts=0).vector("friction").shape
+        (3,)
+        """
         fit = cast("Fit", self)
         found = vectors_of(fit.problem.parameters, fit.values)
         if name not in found:
@@ -52,6 +61,14 @@ class Readback:
         ------
         KeyError
             Where no parameter varies the inertia of the body.
+
+        Examples
+        --------
+        >>> thrown_box = Problem(engine, [Parameter.inertia("ball", mass=(0.5, 2.0), centre=False,
+        ...     shape=False), *unknown], [throw], 1e-4, initial_state="given")
+        >>> inertia = fit(thrown_box, starts=0).inertia("ball")
+        >>> inertia["mass"].identified  # a throw does not tell it
+        False
         """
         fit = cast("Fit", self)
         name = fit.problem.trajectories[0].name if trajectory is None else trajectory
@@ -78,11 +95,13 @@ class Readback:
         ValueError
             Where it is none of the same data, noise and loss, or holds nothing that this one fits.
 
-        Example
-        -------
-        Whether a cart's rail has friction::
+        Examples
+        --------
+        Whether a restitution of 0.7 is good enough:
 
-            print(full.against(fit(full.problem.freeze({"friction": 0.0}))))
+        >>> held = fit(problem.freeze({"restitution": 0.7}), starts=0)
+        >>> bool(result.against(held).p_value < 0.01)
+        True
         """
         fit = cast("Fit", self)
         names = tuple(name for name in fit if name not in nested)

@@ -61,12 +61,12 @@ class Fit(Outputs, Readback):
     residual_variance
         Variance of the weighted residuals that carry noise (chi-square per degree of freedom):
         near 1 when the stated noise explains them. Standard errors are scaled with its root. Of
-        robust losses the square of the 0.7-quantile of their magnitudes over that of normal noise:
-        it stays below 1.4 up to about 10 % of outliers, and a misfit of more than 30 % shows.
+        robust losses the square of the 0.7-quantile of their magnitudes over that of normal noise.
+        It stays below 1.4 up to about 10 % of outliers, and a misfit of more than 30 % shows.
     live_residuals
-        Number of residuals that carry noise: channels (trajectory, body, component) that were not
-        measured, or whose residuals all vanish, do not count (all that were measured do where
-        there is no noise at all).
+        Number of residuals that carry noise. Channels (trajectory, body, component) that were not
+        measured, or whose residuals all vanish, do not count. All that were measured do where there
+        is no noise at all.
     evaluations
         Simulated sets of all trajectories, those for derivatives and intervals included.
     seconds
@@ -90,6 +90,13 @@ class Fit(Outputs, Readback):
         has a rate that is not known exactly (``rate_sigma``).
     made
         Versions, seed, date and the hash of the model.
+
+    Examples
+    --------
+    >>> {name: float(f"{value:.2g}") for name, value in result.values.items()}
+    {'stiffness': 10000.0, 'restitution': 0.6}
+    >>> result.converged, round(result.residual_variance, 1)
+    (True, 0.9)
     """
 
     estimates: tuple[Estimate, ...]
@@ -155,7 +162,7 @@ class Fit(Outputs, Readback):
 
     @property
     def residuals(self) -> tuple[Array, ...]:
-        """By trajectory, (frames, bodies, 6): weighted residuals of poses at the estimate.
+        """Weighted residuals of poses at the estimate, by trajectory (frames, bodies, 6).
 
         Of positions in the world frame, then rotation vectors of ``R_observed^T R_simulated``; 0 of
         what was not measured.
@@ -205,7 +212,7 @@ class Fit(Outputs, Readback):
         `dashpot.rollout`, whose spread is what the fit leaves open.
 
         Each parameter has the distribution of which its interval is that of the confidence, and
-        together they have the `correlation`; what the data say nothing of is spread over its range
+        together they have the `correlation`. What the data say nothing of is spread over its range
         (`dashpot.calibrate.inference.sampling`). They hold where the intervals do.
 
         Parameters
@@ -219,6 +226,13 @@ class Fit(Outputs, Readback):
         ------
         TypeError, ValueError
             If a number is no integer or out of range.
+
+        Examples
+        --------
+        >>> drawn = result.sample(3, seed=0)
+        >>> engines = [problem.build(values) for values in drawn]
+        >>> len(engines), sorted(drawn[0])
+        (3, ['restitution', 'stiffness'])
         """
         values = draw(
             self.problem.unknowns,
@@ -238,8 +252,8 @@ class Fit(Outputs, Readback):
 
         Robust losses are allowed a tenth of outliers beside.
 
-        Where it does not, either the model differs from what was observed (then independent errors
-        are too small: see ``errors`` of `fit`) or the search ended in a bad valley (try more
+        Where it does not, the model may differ from what was observed. Independent errors are too
+        small then: see ``errors`` of `fit`) or the search ended in a bad valley (try more
         ``starts``, or ``windows``).
         """
         return noise_explains(
@@ -313,6 +327,12 @@ class Fit(Outputs, Readback):
         ------
         TypeError, ValueError
             As `dashpot.calibrate.predict`; and for a `head` without `trajectories`.
+
+        Examples
+        --------
+        >>> (prediction,) = result.predict()
+        >>> prediction.position.shape
+        (41, 1, 3)
         """
         if not isinstance(self.problem, Problem):
             raise ValueError(
@@ -344,10 +364,15 @@ class Fit(Outputs, Readback):
     def metrics(self) -> dict[str, float]:
         """Return root mean squares over all frames and bodies.
 
-        ``position_rms`` (m, of the distance in the coordinates that were measured),
-        ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured,
+        ``position_rms`` (m, of the distance in the coordinates that were measured) and
+        ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured.
         ``sensors.NAME_rms`` of each sensor (in its unit, of the length of its vector),
         ``events.NAME_rms``, ``scalars.NAME_rms``, and ``residual_variance``.
+
+        Examples
+        --------
+        >>> result.metrics()["position_rms"] < 3e-4  # m
+        True
         """
         if self._record is not None:
             return dict(self._record.metrics)
@@ -361,6 +386,11 @@ class Fit(Outputs, Readback):
         ------
         ValueError
             Where `truth` lacks a parameter, naming it.
+
+        Examples
+        --------
+        >>> print(result.table().columns[0].header)
+        parameter
         """
         from dashpot.calibrate.report.fit_report import fit_table
 
@@ -376,6 +406,10 @@ class Fit(Outputs, Readback):
         ----------
         path
             Where to write the figure too, in the format of its suffix.
+
+        Examples
+        --------
+        >>> figure = result.plot()
         """
         from dashpot.calibrate.report.plots import plot_fit
 
@@ -385,7 +419,13 @@ class Fit(Outputs, Readback):
         return figure
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but problem and residuals as plain types, for JSON; inf is None."""
+        """Return everything but problem and residuals as plain types, for JSON; inf is None.
+
+        Examples
+        --------
+        >>> sorted(result.to_dict())[:3]
+        ['channels', 'combinations', 'confidence']
+        """
         from dashpot.calibrate.report.fit_report import fit_dict
 
         return fit_dict(self)

@@ -29,6 +29,7 @@ FRAME_SPACING = 0.01  # s
 FRAMES = 40
 THROWS = 4
 SUBSTEPS = 2
+WINDOWS = (0.2,)  # s
 
 _XML = """
 <mujoco>
@@ -180,7 +181,7 @@ def run(*, seed: int = 0, nthread: int | None = None, progress: bool = False) ->
     )
     result = fit(
         problem,
-        windows=(0.2,),
+        windows=WINDOWS,
         starts=31,
         local_searches=8,
         max_evaluations=6000,

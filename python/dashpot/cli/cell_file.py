@@ -21,6 +21,9 @@ else:
 
 __all__ = ["FORMAT", "Task", "read_task"]
 
+_MAX_BYTES = 10_000_000
+_MAX_HEIGHT_BYTES = 1 << 28
+
 FORMAT = """\
 # Cell file, TOML; files are relative to it, lengths in m, angles in rad.
 
@@ -107,6 +110,7 @@ def read_task(file: str | os.PathLike[str]) -> Task:
     """
     path = File(file)
     try:
+        _check_size(path, _MAX_BYTES)
         content = tomllib.loads(path.read_text(encoding="utf-8"))
         return _task(content, path.parent)
     except (ValueError, TypeError) as error:
@@ -193,7 +197,15 @@ def _work(table: Mapping[str, Any], folder: File) -> grinding.Work:
     if kind == "mjcf":
         return grinding.Work.from_mjcf(file)
     given["size"] = tuple(given["size"])
-    return grinding.Work.height_field(np.load(file, allow_pickle=False), **given)
+    _check_size(file, _MAX_HEIGHT_BYTES)
+    # Mapped: a header that declares more than the file has is refused, not allocated.
+    heights = np.load(file, mmap_mode="r", allow_pickle=False)
+    return grinding.Work.height_field(np.array(heights), **given)
+
+
+def _check_size(file: File, most: int) -> None:
+    if file.stat().st_size > most:
+        raise ValueError(f"{file.name} has more than {most} bytes")
 
 
 def _path(cell: grinding.Cell, table: Mapping[str, Any]) -> grinding.Path:

@@ -77,6 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
             progress=report,
         )
     Console().print(comparison.table())
+    print(comparison.explanation())
     if arguments.out is not None:
         out: Path = arguments.out
         out.mkdir(parents=True, exist_ok=True)

@@ -191,18 +191,18 @@ def load_engine(
     Those of a saved `fit` are put in first, with its options and other values, of one of its
     trajectories where these differ.
     """
-    import mujoco
-
     from dashpot.compare import SCENES
-    from dashpot.compare.runner import load_model
     from dashpot.engine import Engine
 
     if scene in SCENES:
         shipped = SCENES[scene]()
-        engine = Engine(mujoco.MjModel.from_xml_string(shipped.xml), nthread=nthread)
+        engine = Engine(shipped.xml, nthread=nthread)
         engine.set_materials(shipped.materials)
     else:
-        engine = Engine(load_model(scene), nthread=nthread)
+        try:
+            engine = Engine(Path(scene), nthread=nthread)
+        except FileNotFoundError as error:
+            raise FileNotFoundError(f"{error}; shipped scenes are {', '.join(SCENES)}") from None
     if fit is not None:
         from dashpot.calibrate import Fit
         from dashpot.calibrate.saved import apply_fit

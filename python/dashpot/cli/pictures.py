@@ -28,9 +28,9 @@ def add_to(options: Any) -> None:
         "--image",
         type=_image,
         metavar="KEY=VALUE,...",
-        help="picture in which columns u, v are, where no camera of the model took it: "
-        "scale=PIXELS_PER_METRE or ruler=U1/V1/U2/V2/METRES, origin=U/V, where the origin of the "
-        "world is seen, right=x and down=-z (default), axes of the world, tilt=RADIANS",
+        help="picture in which columns u, v are, where no camera of the model took it. "
+        "scale=PIXELS_PER_METRE or ruler=U1/V1/U2/V2/METRES; origin=U/V, where the origin of the "
+        "world is seen; right=x and down=-z (default), axes of the world; tilt=RADIANS",
     )
 
 

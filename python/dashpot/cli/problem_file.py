@@ -14,9 +14,9 @@ import mujoco
 
 from dashpot.calibrate import ImagePlane, Parameter, Problem, Trajectory
 from dashpot.cli.recordings import check_keys, read_npz
-from dashpot.compare.runner import load_model
 from dashpot.engine import Engine
 from dashpot.materials import Material
+from dashpot.model_sources import read_model
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -134,7 +134,7 @@ def _model(file: Path) -> mujoco.MjModel:
             f"model: no file {file}; it is an MJCF, URDF or .mjb file, seen from the folder of the "
             "problem"
         )
-    return load_model(file)
+    return read_model(file)
 
 
 def _parameter(label: str, entry: Any) -> Parameter:

@@ -29,8 +29,7 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="KEY=COLUMN,...",
         help="columns by what they hold: time, x, y, z, qw, qx, qy, qz, u and v in pixels, "
-        "sensor:NAME, and run, "
-        "which tells several runs apart (default: columns are named so)",
+        "sensor:NAME, run (default: columns are named so). run tells several runs apart",
     )
     pictures.add_to(options)
     options.add_argument("--fit", action="append", metavar="SPEC", help=FIT_HELP)
@@ -59,8 +58,8 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="KEY=SIGMA,...",
         help="standard deviations: position (m), rotation (rad), pixels, sensors by name (default: "
-        "how far readings are from smooth paths); the word 'estimate': those of each channel are "
-        "estimated from the residuals, and start there",
+        "how far readings are from smooth paths). The word 'estimate': those of each channel "
+        "start there, and are estimated from the residuals",
     )
     options.add_argument(
         "--held-out", metavar="FILE", help="another such table, which is predicted, not fitted"

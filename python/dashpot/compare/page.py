@@ -56,6 +56,7 @@ def write_report(comparison: Comparison, path: str | os.PathLike[str], title: st
         "rows": rows,
         "figures": [(embedded(figure), caption) for figure, caption in figures[:2]],
         "single": [(embedded(figure), caption) for figure, caption in figures[2:]],
+        "notes": comparison.notes(),
         "settings": [
             (run.name, run.description, "; ".join(run.warnings)) for run in comparison.runs
         ],
@@ -72,11 +73,13 @@ def _contacts(comparison: Comparison) -> ShownFigure:
     colours = colours_of(comparison)
     for run in comparison.runs:
         colour = colours[run.name]
-        contacts.plot(run.time, run.contacts, color=colour, lw=1.1, label=run.name)
-        lost.plot(run.time, run.energy[0] - run.energy, color=colour, lw=1.1)
+        contacts.plot(
+            run.time, run.contacts, color=colour, lw=1.1, label=comparison.label(run.name)
+        )
+        lost.plot(run.time, -run.excess, color=colour, lw=1.1)
     contacts.set_ylabel("touching contacts")
     lost.set_ylabel("energy lost [J]")
-    start = max(float(run.energy[0] - run.energy.min()) for run in comparison.runs)
+    start = max(float((-run.excess).max()) for run in comparison.runs)
     lost.set_ylim(-0.08 * start - 1e-12, 1.08 * start + 1e-12)
     for axes in (contacts, lost):
         axes.set_xlabel("time [s]")

@@ -45,7 +45,7 @@ def draw_penetration(axes: Axes, comparison: Comparison) -> None:
             run.time,
             1e3 * np.maximum(mean, _DEPTH_FLOOR),
             color=colour,
-            label=run.name,
+            label=comparison.label(run.name),
             linewidth=1.6,
             zorder=2 + above,
         )
@@ -78,7 +78,7 @@ def draw_energy(axes: Axes, comparison: Comparison) -> None:
             run.time,
             run.energy - lowest,
             color=colours[run.name],
-            label=run.name,
+            label=comparison.label(run.name),
             linewidth=1.6 if index == 0 else 1.1,
             zorder=3 if index == 0 else 2,
         )

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.checks import number, positive_number, text_or_none
+from dashpot.compare.notes import softness_of_the_model, violations_at_start
 from dashpot.compare.observer import Observer
 from dashpot.compare.result import Comparison, Run
 from dashpot.compare.scenes import SCENES, Scene
@@ -28,9 +29,10 @@ from dashpot.compare.settings import (
 )
 from dashpot.engine import DivergenceError, Engine
 from dashpot.materials import Material
+from dashpot.model_sources import ModelLike
 from dashpot.versions import model_hash
 
-SceneLike: TypeAlias = "str | os.PathLike[str] | Scene | mujoco.MjModel | Engine"
+SceneLike: TypeAlias = "ModelLike | Scene | Engine"
 
 # Beyond this a state is no longer physics, m, m/s or rad/s.
 _DIVERGED = 1e6
@@ -59,7 +61,7 @@ def run(
     ----------
     scene
         Name of a shipped scene (``dashpot.compare.SCENES``), a :class:`Scene`, a path to an MJCF
-        file, MJCF text, a compiled model, or an :class:`Engine` with its materials.
+        file, MJCF text, a compiled model, an ``MjSpec``, or an :class:`Engine` with its materials.
     duration
         s, >= one time step; None takes the shipped scene's own, else 2.
     timestep
@@ -86,6 +88,12 @@ def run(
         compiled or uses what dashpot refuses; the message names it.
     FileNotFoundError
         If a scene's file does not exist.
+
+    Examples
+    --------
+    >>> comparison = dashpot.compare.run(model, settings=["dashpot", "mujoco-default"])
+    >>> list(comparison.statistics())
+    ['dashpot', 'mujoco-default']
     """
     name = text_or_none("name", name)
     if progress is not None and not callable(progress):
@@ -126,6 +134,8 @@ def run(
         split,
         tuple(runs),
         model_hash(engine.model),
+        softness_of_the_model(engine),
+        violations_at_start(engine.model, start(engine.model)),
     )
 
 
@@ -142,44 +152,21 @@ def _prepare(
     if isinstance(scene, Engine):
         engine, name = copy.copy(scene), "model"
     elif isinstance(scene, Scene):
-        engine, name, duration = Engine(_compile(scene.xml)), scene.name, scene.duration
+        engine, name, duration = Engine(scene.xml), scene.name, scene.duration
         given.update(scene.materials)
-    elif isinstance(scene, mujoco.MjModel):
+    elif isinstance(scene, str | os.PathLike):
+        name = "model" if str(scene).lstrip().startswith("<") else Path(scene).stem
+        try:
+            engine = Engine(scene)
+        except FileNotFoundError as error:
+            raise FileNotFoundError(f"{error}; shipped scenes are {', '.join(SCENES)}") from None
+    elif isinstance(scene, mujoco.MjModel | mujoco.MjSpec):
         engine, name = Engine(scene), "model"
-    elif isinstance(scene, str) and scene.lstrip().startswith("<"):
-        engine, name = Engine(_compile(scene)), "model"
-    elif isinstance(scene, (str, os.PathLike)):
-        engine, name = Engine(load_model(scene)), Path(scene).stem
     else:
         raise TypeError(f"scene is {type(scene).__name__}; it must be a path, text or a model")
     given.update(materials or {})
     engine.set_materials(given)
     return name, engine, duration
-
-
-def load_model(path: str | os.PathLike[str]) -> mujoco.MjModel:
-    """Compile an MJCF or URDF file, or read a ``.mjb``.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it cannot be compiled; the message is MuJoCo's.
-    """
-    path = Path(path)
-    if not os.path.isfile(path):
-        raise FileNotFoundError(f"no scene file {path}; shipped scenes are {', '.join(SCENES)}")
-    try:
-        if path.suffix == ".mjb":
-            return mujoco.MjModel.from_binary_path(str(path))
-        return mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
-        raise ValueError(f"{path}: {' '.join(str(error).split())}") from error
-
-
-def _compile(xml: str) -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_string(xml)
 
 
 def _settings(settings: Sequence[str | Setting]) -> list[str | Setting]:
@@ -211,13 +198,16 @@ class _Recorder:
 
     def __init__(self, observer: Observer) -> None:
         self._observer = observer
-        self._rows: list[tuple[float, float, float, int, float, float, float]] = []
+        self._rows: list[tuple[float, float, float, int, float, float, float, float]] = []
+        self._work = 0.0
+        observer.begin()
 
     def record(self, data: mujoco.MjData, elastic: float) -> bool:
         """Measure the state; return False, recording nothing, if it has diverged."""
         if not all((np.abs(part) < _DIVERGED).all() for part in (data.qpos, data.qvel)):
             return False
         depths, kinetic, potential = self._observer.measure(data)
+        self._work += self._observer.work(data)
         self._rows.append(
             (
                 data.time,
@@ -227,6 +217,7 @@ class _Recorder:
                 kinetic,
                 potential,
                 elastic,
+                self._work,
             )
         )
         return True
@@ -251,6 +242,7 @@ class _Recorder:
             kinetic=columns[4],
             potential=columns[5],
             elastic=columns[6],
+            work=columns[7],
             position=np.array(data.qpos),
             wall_time=wall_time,
             unstable_at=unstable_at,
@@ -302,7 +294,8 @@ def _run_dashpot(
     wall_time, unstable_at = _loop(
         recorder, data, steps, step, lambda: engine.energy(data).elastic, report
     )
-    return recorder.finish(DASHPOT, "dashpot", data, wall_time, unstable_at, tuple(reasons))
+    described = f"dashpot's contact solver, law {engine.law}"
+    return recorder.finish(DASHPOT, described, data, wall_time, unstable_at, tuple(reasons))
 
 
 def _run_mujoco(

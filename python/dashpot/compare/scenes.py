@@ -26,6 +26,15 @@ class Scene:
         s, long enough for the scene to come to rest or to show that it does not.
     materials
         Geom name to material; geoms left out are rigid.
+
+    Examples
+    --------
+    >>> ball = dashpot.compare.Scene(
+    ...     "ball", "A ball on a floor.", "<mujoco><worldbody><geom type='plane' size='1 1 1'/>"
+    ...     "<body pos='0 0 .2'><freejoint/><geom size='.1'/></body></worldbody></mujoco>", 1.0, {}
+    ... )
+    >>> ball.name
+    'ball'
     """
 
     name: str
@@ -196,7 +205,15 @@ SCENES: dict[str, Callable[..., Scene]] = {
 
 
 def scene(name: str) -> Scene:
-    """Return a shipped scene by name; ValueError names near matches of an unknown one."""
+    """Return a shipped scene by name; ValueError names near matches of an unknown one.
+
+    Examples
+    --------
+    >>> sorted(dashpot.compare.SCENES)[:3]
+    ['ball', 'pile', 'slope']
+    >>> dashpot.compare.scene("pile").duration
+    3.0
+    """
     if not isinstance(name, str):
         raise TypeError(f"scene must be a name, got {name!r}")
     if name not in SCENES:

@@ -39,6 +39,15 @@ class Setting:
     apply
         Changes a private copy of the model; gets the dashpot engine too, for its materials. The
         copy comes with pyramidal cones, ``impratio`` 1 and no noslip iterations.
+
+    Examples
+    --------
+    >>> def noslip(model, engine):
+    ...     model.opt.noslip_iterations = 20
+    >>> setting = dashpot.compare.Setting("noslip", "20 iterations without slip", noslip)
+    >>> comparison = dashpot.compare.run(model, duration=0.1, settings=["dashpot", setting])
+    >>> [run.name for run in comparison.runs]
+    ['dashpot', 'noslip']
     """
 
     name: str

@@ -60,6 +60,12 @@ class CubeToss:
         filter: in flight it is stale by half a frame.
     angular_velocity
         (F, 3) rad/s, body frame, as in the velocity of a MuJoCo free joint.
+
+    Examples
+    --------
+    >>> toss = tosses[0]
+    >>> toss.position.shape[1], toss.quaternion.shape[1]
+    (3, 4)
     """
 
     id: int
@@ -111,6 +117,12 @@ class CubeTosses:
         m/s², downwards.
     nominal_friction, nominal_restitution
         The authors' values; not measured toss by toss.
+
+    Examples
+    --------
+    >>> study = dashpot.data.load_cube_tosses()
+    >>> len(study.tosses), round(study.timestep, 5), study.half_width
+    (400, 0.00676, 0.0524)
     """
 
     tosses: tuple[CubeToss, ...]
@@ -145,7 +157,14 @@ class CubeTosses:
         return np.array([toss.id for toss in self.tosses], np.int64)
 
     def select(self, ids: Iterable[int]) -> CubeTosses:
-        """Return the tosses with these published numbers; ValueError names one that is absent."""
+        """Return the tosses with these published numbers; ValueError names one that is absent.
+
+        Examples
+        --------
+        >>> chosen = dashpot.data.load_cube_tosses().select([tosses[1].id])
+        >>> len(chosen.tosses)
+        1
+        """
         by_id = {toss.id: toss for toss in self.tosses}
         wanted = sorted({int(i) for i in ids})
         if absent := [i for i in wanted if i not in by_id]:
@@ -214,6 +233,11 @@ def find_cube_tosses(path: str | os.PathLike[str] | None = None) -> Path:
     ------
     FileNotFoundError
         If the file is not there; the message says how to get it.
+
+    Examples
+    --------
+    >>> dashpot.data.find_cube_tosses().suffix
+    '.npz'
     """
     if path is not None:
         root, origin = Path(path), "given"
@@ -257,6 +281,11 @@ def load_cube_tosses(path: str | os.PathLike[str] | None = None) -> CubeTosses:
         If the file is not there; the message says how to get it.
     ValueError
         If the file is not such a file or a value in it is impossible.
+
+    Examples
+    --------
+    >>> len(dashpot.data.load_cube_tosses().tosses)
+    400
     """
     file = find_cube_tosses(path)
     try:
@@ -296,6 +325,13 @@ def save_cube_tosses(tosses: CubeTosses, file: str | os.PathLike[str]) -> None:
     ------
     TypeError
         If `tosses` is no `CubeTosses`.
+
+    Examples
+    --------
+    >>> few = dashpot.data.load_cube_tosses().select([toss.id for toss in tosses[:2]])
+    >>> dashpot.data.save_cube_tosses(few, "few.npz")
+    >>> len(dashpot.data.load_cube_tosses("few.npz").tosses)
+    2
     """
     if not isinstance(tosses, CubeTosses):
         raise TypeError(f"tosses is {type(tosses).__name__}; it must be a CubeTosses")

@@ -132,6 +132,10 @@ def download_cube_tosses(
         If a toss does not exist, a file is damaged, or its content is not the pinned one.
     ConnectionError
         If a file cannot be fetched.
+
+    Examples
+    --------
+    >>> path = dashpot.data.download_cube_tosses("tosses")  # doctest: +SKIP
     """
     numbers = _numbers(tosses)
     folder = default_folder() if destination is None else Path(destination)

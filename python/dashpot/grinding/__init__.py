@@ -1,10 +1,10 @@
 """Passes of a tool that an arm leads over a workpiece, planned on the force of contact.
 
 An arm grinds or polishes evenly where it keeps the force of contact as a plan says. `Cell` is the
-arm, its tool, the workpiece and the contact in N/m and N s/m; `Path` a curve on the part with the
-joint angles that reach it; `plan` chooses feed and force along it, so that Preston's law takes off
-a depth evenly, in the least time; `press_trial` finds stiffness and damping from a recorded press.
-`docs/grinding.md` has the method and its limits.
+arm, its tool, the workpiece and the contact in N/m and N s/m. `Path` is a curve on the part with
+the joint angles that reach it. `plan` chooses feed and force along it, so that Preston's law takes
+off a depth evenly, in the least time. `press_trial` finds stiffness and damping from a recorded
+press. `docs/grinding.md` has the method and its limits.
 
     from dashpot import grinding
     cell = grinding.Cell.ur5e(tool=grinding.BallNose(0.02), work="part.xml", stiffness=2e4)

@@ -41,6 +41,12 @@ class Arm:
         Angles of all joints, rad, from which inverse kinematics starts. None: all 0.
     joint_speed
         Largest speed of a joint, rad/s, > 0.
+
+    Examples
+    --------
+    >>> arm = grinding.Arm.ur5e()
+    >>> arm.flange, len(arm.home)
+    ('attachment_site', 6)
     """
 
     file: str | os.PathLike[str]
@@ -97,8 +103,8 @@ class Cell:
 
     Examples
     --------
-    >>> work = Work.primitive("cylinder", (0.2, 0.4), (0, 0.5, 0.1), (1, 1, 0, 0))
-    >>> cell = Cell.ur5e(tool=BallNose(0.02), work=work, stiffness=2e4)
+    >>> work = grinding.Work.primitive("cylinder", (0.2, 0.4), (0, 0.5, 0.1), (1, 1, 0, 0))
+    >>> cell = grinding.Cell.ur5e(tool=grinding.BallNose(0.02), work=work, stiffness=2e4)
     """
 
     arm: Arm
@@ -137,7 +143,13 @@ class Cell:
         return cls(Arm.ur5e(), tool, work, stiffness, **options)
 
     def with_changes(self, **changes: Any) -> Cell:
-        """Return the same cell with other values of some fields."""
+        """Return the same cell with other values of some fields.
+
+        Examples
+        --------
+        >>> cell.with_changes(stiffness=4e4).stiffness
+        40000.0
+        """
         return replace(self, **changes)
 
     @property
@@ -169,7 +181,13 @@ class Cell:
         )
 
     def engine(self) -> Engine:
-        """Return an engine that steps the cell, with the contact's material."""
+        """Return an engine that steps the cell, with the contact's material.
+
+        Examples
+        --------
+        >>> type(cell.engine()).__name__
+        'Engine'
+        """
         model = self.parts.model
         engine = Engine(model)
         for point in self.parts.points:

@@ -35,6 +35,11 @@ class Control:
     feeds_force
         Whether set points are ahead by what the force that is expected bends the arm, so that it
         stays on the path: load and friction deflect an arm sideways too.
+
+    Examples
+    --------
+    >>> grinding.Control("impedance", linear_stiffness=4000.0).kind
+    'impedance'
     """
 
     kind: Literal["position", "impedance", "force"] = "position"

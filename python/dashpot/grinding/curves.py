@@ -17,7 +17,14 @@ _ARC_POINTS = 9
 
 
 def line(start: ArrayLike, end: ArrayLike) -> Array:
-    """Return the straight curve (2, 2) or (2, 3) between two points, m."""
+    """Return the straight curve (2, 2) or (2, 3) between two points, m.
+
+    Examples
+    --------
+    >>> grinding.line((-0.1, 0.48), (0.1, 0.52))
+    array([[-0.1 ,  0.48],
+           [ 0.1 ,  0.52]])
+    """
     both = np.stack([finite_array("line: start", start), finite_array("line: end", end)])
     if both.shape not in ((2, 2), (2, 3)):
         raise ValueError(f"line: points must be (2,) or (3,), got {both.shape[1:]}")
@@ -41,6 +48,12 @@ def raster(centre: ArrayLike, size: tuple[float, float], step: float, *, angle: 
     Returns
     -------
     (n, 2) points, m.
+
+    Examples
+    --------
+    >>> strokes = grinding.raster((0.0, 0.5), (0.1, 0.05), 0.01)
+    >>> strokes.min(axis=0).round(3), strokes.max(axis=0).round(3)
+    (array([-0.055,  0.475]), array([0.055, 0.525]))
     """
     middle = finite_array("raster: centre", centre)
     if middle.shape != (2,):

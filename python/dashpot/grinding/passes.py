@@ -34,6 +34,12 @@ class PlannedPass:
         Feed and force along the path.
     found
         What the simulation found.
+
+    Examples
+    --------
+    >>> (planned,) = plan.passes
+    >>> bool(planned.found.force.max() < 90)  # N
+    True
     """
 
     cell: Cell

@@ -43,6 +43,11 @@ class Path:
         Length at either end on which the tool comes down and lifts, m, and which is not judged.
     laid
         How `on_surface` was called, to lay the path again on a surface that has receded.
+
+    Examples
+    --------
+    >>> path.points.shape == path.normals.shape, path.angles.shape[2]
+    (True, 6)
     """
 
     points: Array
@@ -94,6 +99,13 @@ class Path:
         ------
         ValueError
             Naming the point: off the part, out of reach, or a jump of a joint.
+
+        Examples
+        --------
+        >>> short = grinding.line((-0.05, 0.5), (0.05, 0.5))
+        >>> along = grinding.Path.on_surface(cell, short, spacing=0.01)
+        >>> round(float(along.distance[-1]), 3)  # m, with the run-in at both ends
+        0.14
         """
         if run_in is None:
             run_in = 0.02 + (reach(cell) + cell.tool.footprint if reach(cell) else 0.0)

@@ -48,6 +48,11 @@ class Plan:
         Whether depth is as even, and force as low, as was asked for.
     rollouts, seconds
         How many passes were simulated, and the time that took, s.
+
+    Examples
+    --------
+    >>> bool(abs(plan.depth.mean() / 50e-6 - 1) < 0.01)
+    True
     """
 
     cell: Cell
@@ -134,7 +139,13 @@ class Plan:
         return found
 
     def save(self, file: str | os.PathLike[str]) -> File:
-        """Write set points as CSV that a controller reads; see `dashpot.grinding.waypoints`."""
+        """Write set points as CSV that a controller reads; see `dashpot.grinding.waypoints`.
+
+        Examples
+        --------
+        >>> plan.save("pass.csv").name
+        'pass.csv'
+        """
         from dashpot.grinding.waypoints import write_waypoints
 
         return write_waypoints(self, file)
@@ -221,6 +232,12 @@ def plan(
     ------
     ValueError
         Naming the argument, or where force and joint speeds do not allow the depth.
+
+    Examples
+    --------
+    >>> plan = grinding.plan(cell, path, depth=50e-6, preston=4.7e-10, max_force=90)
+    >>> plan.met, len(plan.passes)
+    (True, 1)
     """
     target = _target(depth, preston, max_force, feed, acceleration, uniformity, largest)
     count = positive_count("plan: passes", passes)

@@ -54,6 +54,15 @@ class PressLog:
     sampling
         ``"instant"``: the load cell reads what is at the time; ``"mean"``: the mean over the time
         since the last reading; ``"auto"``: it is not known.
+
+    Examples
+    --------
+    >>> log = grinding.record_press(cell, (0.0, 0.5, 0.3), depth=1e-3)
+    >>> log.save("press.csv").name
+    'press.csv'
+    >>> again = grinding.PressLog.from_csv("press.csv", point=(0.0, 0.5, 0.3))
+    >>> bool(np.allclose(again.force, log.force, atol=1e-3))
+    True
     """
 
     time: Array
@@ -251,6 +260,12 @@ def record_press(
         Of the noise.
     timestep
         Of the simulation, s.
+
+    Examples
+    --------
+    >>> log = grinding.record_press(cell, (0.0, 0.5, 0.3), depth=1e-3)
+    >>> log.force.shape == log.time.shape
+    True
     """
     positive_number("press: depth", depth)
     if not (math.isfinite(number("press: noise", noise)) and noise >= 0):

@@ -37,7 +37,14 @@ def track_width(footprint: float) -> float:
 
 
 def removed_volume(found: Pass, preston: float) -> float:
-    """Return the volume that a pass removes, m^3: Preston's law over the patch and the time."""
+    """Return the volume that a pass removes, m^3: Preston's law over the patch and the time.
+
+    Examples
+    --------
+    >>> volume = grinding.removed_volume(plan.passes[0].found, 4.7e-10)
+    >>> bool(1e-8 < volume < 1e-7)  # m^3
+    True
+    """
     return float(preston * found.timestep * np.sum(found.force * found.slide))
 
 
@@ -60,6 +67,13 @@ def depth_along(
     Returns
     -------
     (n,) depth, m.
+
+    Examples
+    --------
+    >>> found, (points, normals) = plan.passes[0].found, path.judged_points(0.005)
+    >>> depth = grinding.depth_along(found, points, normals, preston=4.7e-10, footprint=0.005)
+    >>> bool(abs(depth.mean() / 50e-6 - 1) < 0.02)
+    True
     """
     owner = np.zeros(len(found.time), dtype=np.intp)
     whole = depth_by_step(found, points, normals, owner, 1, preston=preston, footprint=footprint)
@@ -109,6 +123,12 @@ class DepthMap:
         (nv, nu, 3) nodes on the surface and outward normals; NaN off the part.
     depth
         (nv, nu) along the normal, m.
+
+    Examples
+    --------
+    >>> depth_map = plan.depth_map(spacing=0.002)
+    >>> bool(np.nanmax(depth_map.depth) > 40e-6)
+    True
     """
 
     u: Array

@@ -45,6 +45,12 @@ class Pass:
         (n, joints) of the arm after the step, rad and rad/s.
     tip
         (n, 3) place of the tip at the start of the step, m.
+
+    Examples
+    --------
+    >>> found = plan.passes[0].found
+    >>> found.time.shape == found.force[:, 0].shape
+    True
     """
 
     time: Array

@@ -27,6 +27,10 @@ class Spindle:
         N s/m, >= 0.
     travel
         Largest way from the rest, m, > 0.
+
+    Examples
+    --------
+    >>> compliant = cell.with_changes(spindle=grinding.Spindle(5e4, 50.0, 0.01))
     """
 
     stiffness: float
@@ -51,6 +55,12 @@ class Imbalance:
         kg, >= 0.
     radius
         Distance of the mass from the axis, m, >= 0.
+
+    Examples
+    --------
+    >>> imbalance = grinding.Imbalance(speed=47, mass=1e-3, radius=0.02)
+    >>> imbalance.mean_forces(np.array([0.0, 0.005, 0.01])).shape
+    (2, 2)
     """
 
     speed: float

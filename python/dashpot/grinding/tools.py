@@ -26,16 +26,19 @@ BODY, TIP = "body", "tip"
 class Tool(Protocol):
     """A tool: a body at the flange whose geoms touch the workpiece side by side.
 
-    Attributes
-    ----------
-    spin
-        Turns per second about its axis, 1/s. It moves the surface of the tool, not the body, so
-        that steps need not follow the turns.
+    Examples
+    --------
+    >>> tool = grinding.BallNose(0.02)
+    >>> isinstance(tool, grinding.Tool), tool.spin
+    (True, 0.0)
     """
 
     @property
     def spin(self) -> float:
-        """Turns per second, 1/s."""
+        """Turns per second about its axis, 1/s.
+
+        It moves the surface of the tool, not the body, so that steps need not follow the turns.
+        """
 
     @property
     def footprint(self) -> float:
@@ -63,6 +66,11 @@ class BallNose:
     footprint
         Radius of the patch of contact, m, > 0, on which pressure is a paraboloid. None: a quarter
         of the ball's radius.
+
+    Examples
+    --------
+    >>> grinding.BallNose(0.02, spin=47).footprint  # m, by default a quarter of the radius
+    0.005
     """
 
     radius: float
@@ -121,6 +129,11 @@ class Disc:
         Turns per second about its axis, 1/s.
     footprint
         Radius of the patch of each point, m. None: half the spacing of the outer ring.
+
+    Examples
+    --------
+    >>> disc = grinding.Disc(0.05, points=8, rings=2)
+    >>> softer = cell.with_changes(tool=disc)
     """
 
     radius: float
@@ -201,6 +214,16 @@ class OwnTool:
     spin
         Turns per second, 1/s. Give geoms a ``surfacevel`` for what it does to friction; here it
         only names the frequency.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> xml = '''<mujoco><worldbody><body name="tool">
+    ...   <geom name="tip" size=".01" pos="0 0 .05" mass=".2"/><site name="tip" pos="0 0 .06"/>
+    ... </body></worldbody></mujoco>'''
+    >>> _ = Path("tool.xml").write_text(xml)
+    >>> grinding.OwnTool("tool.xml", footprint=0.003).tip
+    'tip'
     """
 
     file: str | os.PathLike[str]

@@ -53,6 +53,15 @@ class PressFit:
         Whether the log tells the two ways of reading apart; True where it was given.
     fit
         The calibration, with all that it says.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> log = grinding.record_press(cell, (0.0, 0.5, 0.3), depth=1e-3, duration=0.3)
+    >>> log = dataclasses.replace(log, sampling="mean")
+    >>> found = grinding.press_trial(cell, log, height=False)
+    >>> found.height, found.cell.stiffness == found.stiffness
+    (0.0, True)
     """
 
     cell: Cell
@@ -136,6 +145,15 @@ def press_trial(
     ------
     ValueError
         Where the log's units are wrong, or its press does not touch.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> softer = cell.with_changes(stiffness=1.6e4)
+    >>> log = grinding.record_press(softer, (0.0, 0.5, 0.3), depth=1e-3, duration=0.3)
+    >>> found = grinding.press_trial(cell, replace(log, sampling="mean"), height=False)
+    >>> f"{found.stiffness:.1e} N/m"
+    '1.6e+04 N/m'
     """
     log.check_stiffness(cell)
     positive_number("press_trial: noise", noise)

@@ -44,6 +44,12 @@ class Work:
         (ny, nx) heights of a height field above its position, m, x along the columns.
     file
         Of a mesh or MJCF.
+
+    Examples
+    --------
+    >>> field = grinding.Work.height_field(np.zeros((40, 60)), (0.3, 0.2), (0, 0.5, 0.1))
+    >>> field.kind, field.heights.shape
+    ('height_field', (40, 60))
     """
 
     kind: str

@@ -1,7 +1,8 @@
 """The contact law of the C++ core, vectorised over numpy arrays.
 
-One contact with gap ``g`` (m, negative in penetration), gap rate ``u = g'`` (m/s), apparent inverse
-mass ``w`` (1/kg) and acceleration ``b`` (m/s^2) of the gap from everything but its own force obeys
+One contact has the gap ``g`` (m, negative in penetration), the gap rate ``u = g'`` (m/s) and the
+apparent inverse mass ``w`` (1/kg). With the acceleration ``b`` (m/s^2) of the gap from everything
+but its own force it obeys
 
     g'' = b + w f,    f = max(0, -k g - d g')  while g < 0,  else 0.
 

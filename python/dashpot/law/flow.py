@@ -12,7 +12,14 @@ from dashpot.law.arguments import over_arrays, real_array
 
 
 class Propagator(NamedTuple):
-    """``E0`` to ``E4`` at one time: s^n for ``En``."""
+    """``E0`` to ``E4`` at one time: s^n for ``En``.
+
+    Examples
+    --------
+    >>> at = dashpot.law.propagate(1e-3, stiffness=1e4, damping=10.0, inverse_mass=1.0)
+    >>> float(at.e0.round(6)), float(at.e1.round(9))
+    (0.985087, 0.000993359)
+    """
 
     e0: NDArray[np.float64]
     e1: NDArray[np.float64]
@@ -22,7 +29,16 @@ class Propagator(NamedTuple):
 
 
 class Flow(NamedTuple):
-    """What a contact does over an interval."""
+    """What a contact does over an interval.
+
+    Examples
+    --------
+    >>> flow = dashpot.law.flow_contact(
+    ...     1e-3, -1.0, -9.81, 0.1, stiffness=1e4, damping=20.0, inverse_mass=1.0
+    ... )
+    >>> bool(flow.touched), int(flow.events), float(flow.rate.round(4))
+    (True, 2, 0.0752)
+    """
 
     impulse: NDArray[np.float64]
     """``p``, the time integral of the force, N s; never negative for a contact."""
@@ -69,6 +85,12 @@ def propagate(
     ------
     TypeError, ValueError
         An argument is not real, not finite or out of range.
+
+    Examples
+    --------
+    >>> at = dashpot.law.propagate([0.0, 1e-3], stiffness=1e4, damping=0.0, inverse_mass=1.0)
+    >>> at.e0.round(6)  # cos(omega t) without damping
+    array([1.      , 0.995004])
     """
     arguments = _parameters(stiffness, damping, inverse_mass)
     arguments["time"] = real_array("time", time, lower=0.0)
@@ -104,6 +126,14 @@ def flow_contact(
     ------
     TypeError, ValueError
         An argument is not real, not finite or out of range.
+
+    Examples
+    --------
+    >>> flow = dashpot.law.flow_contact(
+    ...     1e-3, -1.0, 0.0, 0.1, stiffness=1e4, damping=20.0, inverse_mass=1.0
+    ... )
+    >>> float(flow.rate.round(4))  # m/s: it came with 1 m/s, and has left
+    0.7441
     """
     parameters = _parameters(stiffness, damping, inverse_mass)
     return _flow(_core.flow_contact, parameters, "gap", gap, rate, load, time)
@@ -127,6 +157,15 @@ def flow_spring(
     ------
     TypeError, ValueError
         An argument is not real, not finite or out of range.
+
+    Examples
+    --------
+    >>> half_swing = math.pi / 100
+    >>> flow = dashpot.law.flow_spring(
+    ...     1e-3, 0.0, 0.0, half_swing, stiffness=1e4, damping=0.0, inverse_mass=1.0
+    ... )
+    >>> float(flow.gap.round(9))
+    -0.001
     """
     parameters = _parameters(stiffness, damping, inverse_mass)
     return _flow(_core.flow_spring, parameters, "displacement", displacement, rate, load, time)

@@ -55,6 +55,11 @@ def radial_return(
     ------
     TypeError, ValueError
         An argument is not real, not finite, out of range or of a wrong shape.
+
+    Examples
+    --------
+    >>> dashpot.law.radial_return([3.0, 4.0], [0.5, 0.5], 2.0)
+    array([0.6, 0.8])
     """
     trial, coefficients, normal = _friction_arguments(impulse, mu, normal_impulse)
     directions = trial.shape[-1]
@@ -96,6 +101,13 @@ def return_to_limit(
     ------
     TypeError, ValueError
         An argument is not real, not finite, out of range or of a wrong shape.
+
+    Examples
+    --------
+    >>> mu, response = [0.5, 0.5], [1.0, 1.0]
+    >>> impulse, sticks = dashpot.law.return_to_limit([3.0, 4.0], mu, response, 2.0)
+    >>> impulse.round(6), bool(sticks)
+    (array([0.6, 0.8]), False)
     """
     trial, coefficients, normal = _friction_arguments(impulse, mu, normal_impulse)
     trial, coefficients, answers = broadcast(

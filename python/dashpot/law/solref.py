@@ -45,6 +45,12 @@ def solref_to_spring(solref: ArrayLike, *, impedance_width: float = 1.0) -> tupl
     ------
     TypeError, ValueError
         An argument is not real, of a wrong shape or out of range.
+
+    Examples
+    --------
+    >>> k, d = dashpot.law.solref_to_spring([0.02, 1.0], impedance_width=0.95)  # MuJoCo's defaults
+    >>> round(k, 2), round(d, 2)
+    (2770.08, 105.26)
     """
     pair = _solref_pair(solref)
     width = _one_number("impedance_width", impedance_width)
@@ -60,8 +66,8 @@ def solref_to_spring_at_rest(
 ) -> tuple[float, float]:
     """Return the mass-normalised spring and damper that the engine takes a MuJoCo row for.
 
-    At rest a row of MuJoCo carries a load with the stiffness d^2 k / (1 - d), d being its impedance
-    at that deformation and k that of :func:`solref_to_spring` with its d_width; in free motion it
+    At rest a row of MuJoCo carries a load with the stiffness d^2 k / (1 - d). d is its impedance at
+    that deformation, and k that of :func:`solref_to_spring` with its d_width. In free motion it
     swings with d^2 k, as if its mass were 1 / (1 - d) times as large. The spring and damper deform
     as far at rest and have the same damping ratio, hence the same restitution.
 
@@ -80,14 +86,21 @@ def solref_to_spring_at_rest(
     Returns
     -------
     tuple
-        (d^2 k / (1 - d), d b / sqrt(1 - d)), in 1/s^2 and 1/s. Over MuJoCo's estimate A of the
-        inverse mass (``efc_diagApprox``) and over sqrt(A w), w being the apparent inverse mass,
-        they are the stiffness (N/m) and damping (N s/m) of the engine's row.
+        (d^2 k / (1 - d), d b / sqrt(1 - d)), in 1/s^2 and 1/s. The engine's row has the first over
+        A as its stiffness (N/m) and the second over sqrt(A w) as its damping (N s/m). A is MuJoCo's
+        estimate of the inverse mass (``efc_diagApprox``), w the apparent inverse mass.
 
     Raises
     ------
     TypeError, ValueError
         An argument is not real, of a wrong shape or out of range.
+
+    Examples
+    --------
+    >>> solimp = [0.9, 0.95, 0.001, 0.5, 2]
+    >>> k, d = dashpot.law.solref_to_spring_at_rest([0.02, 1.0], solimp=solimp, load=9.81)
+    >>> round(1e3 * 9.81 / k, 3)  # mm, by which it sags under its weight
+    0.367
     """
     pair = _solref_pair(solref)
     impedance = real_array("solimp", solimp, lower=0.0)

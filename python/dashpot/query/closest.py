@@ -33,6 +33,14 @@ class Closest:
         Shape (n, 3), m, world, as in `Distance`.
     normal
         Shape (n, 3), unit, world, from the first geom to the second.
+
+    Examples
+    --------
+    >>> near = dashpot.closest(engine, data, radius=0.05)
+    >>> [tuple(engine.model.geom(int(g)).name for g in pair) for pair in near.geom]
+    [('floor', 'ball'), ('floor', 'box')]
+    >>> near.distance.shape, near.point1.shape
+    ((2,), (2, 3))
     """
 
     geom: NDArray[np.int64]
@@ -56,7 +64,7 @@ def closest(
 
     A bounding-box tree finds candidates, `distance` decides. Geoms that take no part in collisions
     (``contype`` and ``conaffinity`` both zero), pairs that cannot move against each other, pairs of
-    planes and pairs of height fields are left out; other filters of the model (parent and child,
+    planes and pairs of height fields are left out. Other filters of the model (parent and child,
     exclusions) do not act.
 
     Parameters
@@ -75,6 +83,14 @@ def closest(
     ValueError
         Unknown body, a `radius` that is negative or not finite, a signed distance field among the
         geoms, data of another model, a pose or a height that is not finite.
+
+    Examples
+    --------
+    >>> near = dashpot.closest(engine, data, body="ball", radius=0.01)
+    >>> near.geom  # the floor, 0, and the ball, 1
+    array([[0, 1]])
+    >>> near.distance.round(6)
+    array([-0.000981])
     """
     model = arguments.model_of(engine)
     arguments.check_data(model, data)

@@ -31,10 +31,19 @@ class Distance:
     point1, point2
         Shape (3,), m, world: the closest points, or the deepest ones of a penetration, on the
         surfaces of the first and second geom. ``point2 - point1 == distance * normal`` to rounding,
-        and to 1e-5 of the size of the pair where a cylinder or an ellipsoid takes part: 5e-4 where
-        these overlap about a common centre, as many directions are nearly as short there.
+        and to 1e-5 of the size of the pair where a cylinder or an ellipsoid takes part. It is to
+        5e-4 where these overlap about a common centre, as many directions are nearly as short
+        there.
     normal
         Shape (3,), unit, world, from the first geom to the second.
+
+    Examples
+    --------
+    >>> found = dashpot.distance(engine, data, "ball", "box")
+    >>> bool(np.allclose(found.point2 - found.point1, found.distance * found.normal))
+    True
+    >>> round(float(found.normal[0]), 6)  # from the ball to the box
+    1.0
     """
 
     distance: float
@@ -67,6 +76,14 @@ class Distances:
         Shape (..., 3), m, world.
     normal
         Shape (..., 3), unit, world, from the first geom to the second.
+
+    Examples
+    --------
+    >>> path = np.tile(data.qpos, (3, 1))
+    >>> path[:, 2] = [0.2, 0.3, 0.4]  # heights of the ball
+    >>> found = dashpot.distances(engine, "ball", "floor", path)
+    >>> found.distance.shape, found.normal.shape
+    ((3,), (3, 3))
     """
 
     distance: NDArray[np.float64]
@@ -95,24 +112,32 @@ def distance(
 
         A height field is a solid: two triangular prisms a cell, as MuJoCo splits it, from the
         surface down to its base. Apart from it, the distance is that of the nearest prism. In
-        overlap it is that of the prism which is deepest in the other geom, the length of the
-        shortest translation that parts these two: no more than what clears the whole solid, and
-        less where that translation points into a neighbouring prism, as it can for a geom that is
-        as deep below the surface as a cell is wide. Against a plane it is exact for the solid.
+        overlap it is that of the prism which is deepest in the other geom: the length of the
+        shortest translation that parts these two. That is no more than what clears the whole solid.
+        It is less where that translation points into a neighbouring prism, as it can for a geom
+        that is as deep below the surface as a cell is wide. Against a plane it is exact for the
+        solid.
 
     Returns
     -------
     Distance
-        Exact to rounding for planes, spheres, capsules, boxes and meshes among each other, and
-        for cylinders and capsules with parallel axes; else within 1e-6 of the size of the pair
-        where a cylinder or an ellipsoid takes part, mostly 1e-10, and within 1e-5 where these
-        overlap about a common centre. Where several directions are equally short, one of them.
+        Exact to rounding for planes, spheres, capsules, boxes and meshes among each other, and for
+        cylinders and capsules with parallel axes. Where a cylinder or an ellipsoid takes part it is
+        within 1e-6 of the size of the pair, mostly 1e-10, and within 1e-5 where these overlap about
+        a common centre. Where several directions are equally short, one of them.
 
     Raises
     ------
     ValueError
         Unknown geom, the same geom twice, two planes, two height fields, a signed distance field,
         data of another model, a pose or a height that is not finite.
+
+    Examples
+    --------
+    >>> round(dashpot.distance(engine, data, "ball", "box").distance, 6)
+    0.8
+    >>> round(dashpot.distance(engine, data, "ball", "floor").distance, 6)  # it sags by m g / k
+    -0.000981
     """
     model = arguments.model_of(engine)
     id1, id2 = arguments.geom_pair(model, data, geom1, geom2)
@@ -151,6 +176,13 @@ def distances(
     ValueError
         As `distance`; also a `qpos` of another shape or that is not finite, naming the index, and
         an `nthread` below 1.
+
+    Examples
+    --------
+    >>> path = np.tile(data.qpos, (3, 1))
+    >>> path[:, 2] = [0.2, 0.3, 0.4]  # heights of the ball
+    >>> dashpot.distances(engine, "ball", "floor", path).distance.round(6)
+    array([0.1, 0.2, 0.3])
     """
     model = arguments.model_of(engine)
     id1, id2 = arguments.distinct_geoms(model, geom1, geom2)

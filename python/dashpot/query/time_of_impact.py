@@ -37,6 +37,15 @@ class TimeOfImpact:
     distance
         m, the signed distance at `time`: nearly zero for a hit, negative where the geoms overlap
         at the start, the clearance left without a hit.
+
+    Examples
+    --------
+    >>> flying = engine.make_data()  # the ball is 0.1 m above the floor
+    >>> flying.qvel[2] = -2.0
+    >>> mujoco.mj_forward(engine.model, flying)
+    >>> found = dashpot.time_of_impact(engine, flying, "ball", "floor", horizon=0.01)
+    >>> found.hit, round(found.time, 6), round(found.distance, 6)
+    (False, 0.01, 0.08)
     """
 
     hit: bool
@@ -62,6 +71,14 @@ class TimesOfImpact:
         Shape (..., 3), unit, world, from the first geom to the second at `time`.
     distance
         Shape (...), m, the signed distance at `time`, as in `TimeOfImpact`.
+
+    Examples
+    --------
+    >>> still = np.zeros((2, engine.model.nv))
+    >>> poses = np.tile(model.qpos0, (2, 1))
+    >>> found = dashpot.times_of_impact(engine, "ball", "box", poses, still, horizon=1.0)
+    >>> found.hit, found.time
+    (array([False, False]), array([1., 1.]))
     """
 
     hit: NDArray[np.bool_]
@@ -82,10 +99,10 @@ def time_of_impact(
     """First contact of two geoms along their present velocities, rotation included.
 
     Each body moves on as a rigid body with constant velocity of its centre of mass and constant
-    angular velocity in the world, a free body with all that is welded to it; loads do not act.
-    Conservative advancement: the time is never after the first contact, and the gap left at it is
-    at most 1e-9 of the geoms' size, which also is the clearance below which geoms that pass each
-    other count as touching.
+    angular velocity in the world. A free body takes along all that is welded to it. Loads do not
+    act. Conservative advancement: the time is never after the first contact, and the gap left at it
+    is at most 1e-9 of the geoms' size. Geoms that pass each other with less clearance count as
+    touching.
 
     Positions and velocities are those that the kinematics of `data` last left: call
     ``mujoco.mj_forward`` after changing ``qpos`` or ``qvel``.
@@ -115,6 +132,15 @@ def time_of_impact(
         No decision in 10,000 distances: the geoms hover about 1e-9 of their size apart. With a
         height field, none in 1,000,000 distances and parts of the way: it turns by hundreds of
         thousands of radians, or passes as many cells, near the field. The message names the geoms.
+
+    Examples
+    --------
+    >>> flying = engine.make_data()  # the ball is 0.1 m above the floor
+    >>> flying.qvel[2] = -2.0
+    >>> mujoco.mj_forward(engine.model, flying)
+    >>> found = dashpot.time_of_impact(engine, flying, "ball", "floor", horizon=1.0)
+    >>> found.hit, round(found.time, 6)
+    (True, 0.05)
     """
     model = arguments.model_of(engine)
     id1, id2 = arguments.geom_pair(model, data, geom1, geom2)
@@ -169,6 +195,15 @@ def times_of_impact(
         naming the index.
     RuntimeError
         As `time_of_impact`.
+
+    Examples
+    --------
+    >>> speeds = np.zeros((3, engine.model.nv))
+    >>> speeds[:, 2] = [-1.0, -2.0, 1.0]  # of the ball, which is 0.1 m above the floor
+    >>> poses = np.tile(model.qpos0, (3, 1))
+    >>> found = dashpot.times_of_impact(engine, "ball", "floor", poses, speeds, horizon=1.0)
+    >>> found.hit, found.time.round(6)
+    (array([ True,  True, False]), array([0.1 , 0.05, 1.  ]))
     """
     model = arguments.model_of(engine)
     id1, id2 = arguments.distinct_geoms(model, geom1, geom2)

@@ -10,7 +10,7 @@ A drop-in for ``mujoco_warp``: the same names, on the same models and data::
         dw.step(m, d)
 
 `Model` and `Data` are subclasses of MuJoCo Warp's, so that its sensors, rays, renderer and bridges
-to JAX and torch take them; every other name of ``mujoco_warp`` is found here too. Needs the extra:
+to JAX and torch take them. Every other name of ``mujoco_warp`` is found here too. Needs the extra:
 ``pip install dashpot[warp]``.
 """
 

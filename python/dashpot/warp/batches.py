@@ -68,6 +68,10 @@ def set_material(
     ------
     ValueError
         If the geom has no material, or an array no shape (k,).
+
+    Examples
+    --------
+    >>> dw.set_material(m, "ball", stiffness=np.array([1e4, 2e4, 4e4, 8e4]))  # a world each
     """
     at = m.dashpot.geom_id[geom] if isinstance(geom, str) else int(geom)
     if at not in m.dashpot.materials:

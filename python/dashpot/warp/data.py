@@ -150,7 +150,13 @@ class LawData:
 
 
 class Data(mujoco_warp.Data):  # type: ignore[misc]
-    """MuJoCo Warp's data with the law's part of it, `dashpot`."""
+    """MuJoCo Warp's data with the law's part of it, `dashpot`.
+
+    Examples
+    --------
+    >>> d.nworld, type(d.dashpot).__name__
+    (4, 'LawData')
+    """
 
     dashpot: LawData
 
@@ -198,6 +204,12 @@ def make_data(
         As in ``mujoco_warp.make_data``; at least what `nconmax` contacts need.
     **options
         Others of ``mujoco_warp.make_data``.
+
+    Examples
+    --------
+    >>> d = dw.make_data(model, nworld=8, nconmax=16)
+    >>> d.qpos.shape
+    (8, 14)
     """
     nconmax, njmax = _sizes(mjm, nconmax, njmax)
     d = mujoco_warp.make_data(mjm, nworld, nconmax=nconmax, njmax=njmax, **options)
@@ -216,6 +228,12 @@ def put_data(
     """Put data on the device, the same in all worlds; parameters as in `make_data`.
 
     `memory` is what `get_data_into` returned, for the same `nconmax`.
+
+    Examples
+    --------
+    >>> d = dw.put_data(model, mujoco.MjData(model), nworld=2)
+    >>> d.qpos.numpy()[1, :3].round(2)
+    array([0. , 0. , 0.2], dtype=float32)
     """
     nconmax, njmax = _sizes(mjm, nconmax, njmax)
     nconmax, njmax = max(nconmax, mjd.ncon), max(njmax, mjd.nefc)
@@ -246,6 +264,13 @@ def get_data_into(
     memory
         What its contacts remember, which MuJoCo's data have no place for. With it `put_data` goes
         on as if nothing had been copied; without it contacts begin anew.
+
+    Examples
+    --------
+    >>> one = mujoco.MjData(model)
+    >>> memory = dw.get_data_into(one, model, d, world_id=0)
+    >>> one.qpos.shape
+    (14,)
     """
     mujoco_warp.get_data_into(result, mjm, d, world_id)
     memory = d.dashpot.memory
@@ -262,6 +287,11 @@ def reset_data(m: Model, d: Data, reset: wp.array | None = None) -> None:
         Model and data.
     reset
         (nworld,) bool array of the worlds to reset; all of them without it.
+
+    Examples
+    --------
+    >>> mask = wp.array([True, False, False, False], dtype=bool)
+    >>> dw.reset_data(m, d, reset=mask)
     """
     mujoco_warp.reset_data(m, d, reset)
     mask = reset if reset is not None else wp.zeros(1, dtype=wp.bool)

@@ -65,7 +65,13 @@ class LawModel:
 
 
 class Model(mujoco_warp.Model):  # type: ignore[misc]
-    """MuJoCo Warp's model with the law's part of it, `dashpot`."""
+    """MuJoCo Warp's model with the law's part of it, `dashpot`.
+
+    Examples
+    --------
+    >>> m.nv, type(m.dashpot).__name__
+    (12, 'LawModel')
+    """
 
     dashpot: LawModel
 
@@ -118,7 +124,9 @@ def put_model(
 
     Examples
     --------
-    >>> m = dw.put_model(mjm, microsteps=20)
+    >>> m = dw.put_model(model, microsteps=20)
+    >>> m.nv
+    12
     """
     if law not in ("kelvin_voigt", "comfree"):
         raise ValueError(f"law must be 'kelvin_voigt' or 'comfree', got {law!r}")

@@ -36,15 +36,16 @@ def step(m: Model, d: Data) -> None:
     """Advance all worlds by one time step.
 
     What MuJoCo Warp's stages leave in `d`, positions of bodies and geoms, contacts, sensors, is
-    that of the middle of the step; ``qpos``, ``qvel`` and ``time`` are those of its end. With
+    that of the middle of the step. ``qpos``, ``qvel`` and ``time`` are those of its end. With
     ``law="comfree"`` it is that of the start, as in MuJoCo. Nothing is read back by the host, so
     that a step can be captured as a graph.
 
     Examples
     --------
+    >>> dw.step(m, d)  # compiles what it needs
     >>> with wp.ScopedCapture() as capture:
     ...     dw.step(m, d)
-    >>> for _ in range(1000):
+    >>> for _ in range(20):
     ...     wp.capture_launch(capture.graph)
     """
     if m.dashpot.law == "comfree":
@@ -67,6 +68,12 @@ def forward(m: Model, d: Data) -> None:
     """Find forces, accelerations and sensors at the present state, and change nothing of it.
 
     Forces and accelerations are the means over the step to come.
+
+    Examples
+    --------
+    >>> dw.forward(m, d)
+    >>> round(float(d.qacc.numpy()[0, 2]), 2)  # the ball is in the air
+    -9.81
     """
     if m.dashpot.law == "comfree":
         _solve_complementarity_free(m, d)
@@ -95,6 +102,12 @@ def rollout(
     -------
     qpos, qvel
         (nstep, nworld, nq) and (nstep, nworld, nv) states at the ends of the steps, on the device.
+
+    Examples
+    --------
+    >>> qpos, qvel = dw.rollout(m, d, nstep=20)
+    >>> qpos.shape, qvel.shape
+    ((20, 4, 14), (20, 4, 12))
     """
     if nstep < 1:
         raise ValueError(f"nstep must be >= 1, got {nstep}")

@@ -55,9 +55,9 @@ def frame_numbers(time: Array) -> NDArray[np.intp]:
         i = int(np.flatnonzero(first_uneven)[0]) + 1
         kind = "gap" if interval[i - 1] > usual else "short interval"
         raise ValueError(
-            f"{kind} of {interval[i - 1]:.6g} s before time[{i}] = {time[i]:.6g} s; half of the "
-            f"intervals are at most {usual:.6g} s, and no even grid has all of these times within "
-            f"{SPACING_TOLERANCE:.0%} of its spacing, lost frames left out"
+            f"{kind} of {interval[i - 1]:.6g} s before time[{i}] = {time[i]:.6g} s. Half of the "
+            f"intervals are at most {usual:.6g} s. No even grid, lost frames left out, has all of "
+            f"these times within {SPACING_TOLERANCE:.0%} of its spacing"
         )
     return np.concatenate([[0], np.cumsum(spacings)])
 

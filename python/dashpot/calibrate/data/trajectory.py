@@ -35,11 +35,11 @@ class Trajectory(TrajectoryMaking):
     name
         Names the trajectory in every message.
     time
-        (n,) times in s, strictly increasing, n >= 2, and evenly spaced: at most 15 % of a spacing
-        off the even grid that fits them best, so that those rounded to milliseconds pass to 240 Hz.
-        The frames count as being on that grid. Lost frames may be left out, more than half of them
-        too: intervals of several spacings are gaps, through which the simulation goes on. Where
-        stamps jitter further see `frames`.
+        (n,) times in s, strictly increasing, n >= 2, and evenly spaced. They are at most 15 % of a
+        spacing off the even grid that fits them best, so that those rounded to milliseconds pass to
+        240 Hz. The frames count as being on that grid. Lost frames may be left out, more than half
+        of them too: intervals of several spacings are gaps, through which the simulation goes on.
+        Where stamps jitter further see `frames`.
     position
         (n, bodies, 3) or, for one body, (n, 3): origin of the body frame in the world, m. NaN: not
         measured in that frame.
@@ -59,7 +59,7 @@ class Trajectory(TrajectoryMaking):
         in the body frame). None is allowed where the problem estimates it; the search then starts
         from the first five frames (with a robust loss from as many as fly freely, outliers aside).
     initial_qpos_sigma, initial_qvel_sigma
-        (nv,), or one number for all degrees of freedom: how well `initial_qpos` and `initial_qvel`
+        (nv,), or one number for all degrees of freedom. How well `initial_qpos` and `initial_qvel`
         are known, as standard deviations, m, rad, m/s and rad/s (rotations of free joints about the
         axes of the body). 0: exactly, so that the degree of freedom stays as it is given; inf: not
         at all, and the given is where the search starts. What lies between counts as a reading of
@@ -70,19 +70,20 @@ class Trajectory(TrajectoryMaking):
         (n - 1, nu) controls held constant between successive frames, through gaps too. None: zero.
     sensors
         Readings of sensors of the model by name, (n, size) or, of one number, (n,), in the unit of
-        the sensor: joint encoders (``jointpos``), accelerometers, force plates (``touch``,
-        ``force``), positions of markers (``framepos`` of a site, in the frame of a camera, too).
-        Angles of hinges may be those within a turn, which jump where it ends: where two that follow
-        each other differ by more than half a turn.
-        NaN: not measured. `of_sensors` makes trajectories of sensors alone.
+        the sensor. They may be joint encoders (``jointpos``), accelerometers, force plates
+        (``touch``, ``force``), positions of markers (``framepos`` of a site, in the frame of a
+        camera, too). Angles of hinges may be those within a turn, which jump where it ends: where
+        two that follow each other differ by more than half a turn. NaN: not measured. `of_sensors`
+        makes trajectories of sensors alone.
     sampling
-        By sensor: ``"instant"``: it reads what is at the time of the reading; ``"mean"``: the mean
+        By sensor. ``"instant"``: it reads what is at the time of the reading. ``"mean"``: the mean
         over the spacing before, as recorders that integrate do, so that there is none at the first.
         By default sensors of positions and velocities are instant, and those of accelerations and
         forces means.
     sensor_times
         By sensor, (n,) times of its readings, s, on the clock of `time`, for sensors that have a
-        rate of their own: a load cell of 1 kHz beside a camera. None: those of the frames.
+        rate of their own. An example is a load cell of 1 kHz beside a camera. None: those of the
+        frames.
     events
         Times by kind, ascending, s, on the clock of `time`; NaN: missed. ``"impact"``: the observed
         bodies (all that move, where none is observed) begin to touch something; ``"impact:a,b"``:
@@ -120,6 +121,14 @@ class Trajectory(TrajectoryMaking):
     ------
     ValueError
         Naming the trajectory, the field and the first offending index.
+
+    Examples
+    --------
+    >>> throw.time.shape, throw.position.shape, throw.bodies
+    ((41,), (41, 1, 3), ('ball',))
+    >>> press = Trajectory.of_sensors("press", [0.0, 0.01, 0.02], {"load": [0.0, 4.1, 4.2]})
+    >>> press.sensors["load"].shape
+    (3, 1)
     """
 
     name: str
@@ -228,7 +237,14 @@ class Trajectory(TrajectoryMaking):
         return np.concatenate([~np.isnan(self.position), np.repeat(turned, 3, axis=-1)], axis=-1)
 
     def sensor_time(self, name: str) -> Array:
-        """Return the times (n,) of a sensor's readings, s, on the clock of ``time``."""
+        """Return the times (n,) of a sensor's readings, s, on the clock of ``time``.
+
+        Examples
+        --------
+        >>> press = Trajectory.of_sensors("press", [0.0, 0.01, 0.02], {"load": [0.0, 4.1, 4.2]})
+        >>> press.sensor_time("load")
+        array([0.  , 0.01, 0.02])
+        """
         return self.sensor_times.get(name, self.time)
 
     def head(self, duration: float) -> Trajectory:
@@ -236,6 +252,11 @@ class Trajectory(TrajectoryMaking):
 
         They keep their places on the grid of the whole, which few of them may not tell. Readings
         and events up to then stay; scalars, which are of the whole, do not.
+
+        Examples
+        --------
+        >>> len(throw.head(0.1).time)
+        11
         """
         return trajectory_cuts.head(self, duration)
 
@@ -244,15 +265,18 @@ class Trajectory(TrajectoryMaking):
 
         What is simulated begins at the first of them. Unless that is the first of all, it has none
         of the initial state given, which was of another time: estimate it
-        (``initial_state="pose_and_velocity"``), or give it with ``dataclasses.replace``. Half a
-        second either side of a peak at 2.3 s::
-
-            peak = trajectory.between(1.8, 2.8)
+        (``initial_state="pose_and_velocity"``), or give it with ``dataclasses.replace``.
 
         Raises
         ------
         ValueError
             Where less than two frames are left, or nothing that was measured.
+
+        Examples
+        --------
+        >>> window = throw.between(0.1, 0.3)  # round an impact
+        >>> len(window.time)
+        21
         """
         return trajectory_cuts.between(self, start, end)
 

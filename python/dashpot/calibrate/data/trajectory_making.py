@@ -50,13 +50,14 @@ class TrajectoryMaking:
     ) -> Made:
         """Return one of which sensors, or points in pixels, alone were observed.
 
-        A leg that lands, with an accelerometer and an encoder that the MJCF names ``imu`` and
-        ``knee``, and no pose in the world::
+        Examples
+        --------
+        A leg that lands, with an accelerometer and an encoder, and no pose in the world:
 
-            landing = Trajectory.of_sensors("landing", time, {"imu": acceleration, "knee": angle},
-                                            initial_qpos=qpos, initial_qvel=qvel, control=control)
-            problem = Problem(engine, unknown, [landing], math.inf, math.inf,
-                              sensor_sigma={"imu": 0.5, "knee": 1e-3})
+        >>> acceleration, angle = np.zeros((41, 3)), np.zeros(41)
+        >>> landing = Trajectory.of_sensors("landing", time, {"imu": acceleration, "knee": angle})
+        >>> landing.sensors["imu"].shape, landing.sensors["knee"].shape
+        ((41, 3), (41, 1))
         """
         n = np.size(time)
         return cls(
@@ -98,12 +99,6 @@ class TrajectoryMaking:
     ) -> Made:
         """Return a trajectory of which events and scalars alone were observed, from time 0.
 
-        Impacts of a ball that a microphone heard, dropped from 0.8 m::
-
-            drop = Trajectory.of_events("drop", {"impact": [0.40, 1.01, 1.48]}, bodies="ball",
-                                        initial_qpos=[0, 0, 0.8, 1, 0, 0, 0], initial_qvel=[0] * 6)
-            problem = Problem(engine, unknown, [drop], event_sigma={"impact": 1e-4})
-
         Parameters
         ----------
         bodies
@@ -112,6 +107,16 @@ class TrajectoryMaking:
             s, until when it is simulated. None: a quarter longer than to the last event.
         name, events, scalars, initial_qpos, initial_qvel, initial_qpos_sigma, initial_qvel_sigma
             As in the class.
+
+        Examples
+        --------
+        Impacts of a ball that a microphone heard:
+
+        >>> drop = Trajectory.of_events("drop", {"impact": [0.40, 1.01, 1.48]}, bodies="ball")
+        >>> sigma = {"impact": 1e-4}  # s
+        >>> heard = Problem(engine, unknown, [drop], event_sigma=sigma, initial_state="velocity")
+        >>> drop.events["impact"]
+        array([0.4 , 1.01, 1.48])
         """
         given = numbers_field(f"trajectory '{name}'", "events", events or {})
         if end is None:
@@ -175,13 +180,6 @@ class TrajectoryMaking:
     ) -> Made | list[Made]:
         """Return the trajectory in a table, or a list of those of several runs.
 
-        A ball whose height a camera read in cm, at times in ms; then a load cell in three runs::
-
-            ball = Trajectory.from_csv("ball.csv", columns={"time": "t", "z": "height"},
-                                       body="ball", unit={"z": "cm", "time": "ms"}, frames="even")
-            runs = Trajectory.from_csv("pad.csv", columns={"time": "time_s", "sensor:load": "F"},
-                                       run="run")
-
         Parameters
         ----------
         file
@@ -190,8 +188,8 @@ class TrajectoryMaking:
             over.
             Empty cells and ``nan``, ``NA``, ``-``: not measured.
         columns
-            Names of columns by what they hold: ``time``; ``x``, ``y``, ``z``, ``qw``, ``qx``,
-            ``qy``, ``qz``, or ``u``, ``v`` in pixels, of several bodies ``BODY.x`` and on;
+            Names of columns by what they hold. ``time``. ``x``, ``y``, ``z``, ``qw``, ``qx``,
+            ``qy``, ``qz``, or ``u``, ``v`` in pixels, of several bodies ``BODY.x`` and on.
             ``sensor:NAME``, of several numbers ``sensor:NAME.0`` and on. What is left out was not
             measured. None: columns are named so.
         body
@@ -199,7 +197,7 @@ class TrajectoryMaking:
         run
             Column that tells several runs apart: a list is returned, in their order.
         unit
-            Units by what columns hold or by their names, those of SI where none is given: ``cm``,
+            Units by what columns hold or by their names, those of SI where none is given. ``cm``,
             ``mm``, ``in``, ``ms``, ``us``, ``deg``, ``kN``, ``mm/s`` and such, or the factor to
             SI's, negative for an axis that points the other way. ``position``: all coordinates.
         name
@@ -214,6 +212,19 @@ class TrajectoryMaking:
             Naming the file, and the line, column, or field of the trajectory.
         OSError
             If the file cannot be read.
+
+        Examples
+        --------
+        A ball whose height a camera read in cm, at times in ms:
+
+        >>> table = np.column_stack([1000 * time, 100 * position[:, 2]])
+        >>> np.savetxt("ball.csv", table, delimiter=",", header="t,height", comments="")
+        >>> ball = Trajectory.from_csv(
+        ...     "ball.csv", columns={"time": "t", "z": "height"}, body="ball",
+        ...     unit={"time": "ms", "z": "cm"},
+        ... )
+        >>> bool(np.allclose(ball.position[:, 0, 2], position[:, 2], atol=1e-5))
+        True
         """
         bodies = (body,) if isinstance(body, str) else tuple(body)
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,9 +30,9 @@ class ImagePlane:
     `Parameter.image`.
 
     Motion along the line of sight is not seen. Where initial states are estimated, a body on a free
-    joint that nothing else observes starts in the plane: neither along the line of sight, if that
-    is an axis of the world, nor about axes across it is its start moved, unless
-    ``initial_qpos_sigma`` and ``initial_qvel_sigma`` of the trajectory say how well it is known.
+    joint that nothing else observes starts in the plane. Its start is not moved along the line of
+    sight, if that is an axis of the world, nor about axes across it. ``initial_qpos_sigma`` and
+    ``initial_qvel_sigma`` of the trajectory may say how well it is known.
 
     Parameters
     ----------
@@ -53,12 +54,16 @@ class ImagePlane:
     ValueError
         Naming the field.
 
-    Example
-    -------
-    A camera that looks along the world's y axis, 812 pixels a metre::
+    Examples
+    --------
+    A camera that looks along the world's y axis, 812 pixels a metre:
 
-        picture = ImagePlane(scale=812, origin=(320, 420))
-        roll = Trajectory.of_sensors("roll", time, pixels={"marble": uv}, camera=picture)
+    >>> from dashpot.calibrate import ImagePlane
+    >>> picture = ImagePlane(scale=812, origin=(320, 420))
+    >>> uv = [(320, 420), (328, 420), (336, 420)]
+    >>> roll = Trajectory.of_sensors("roll", time[:3], pixels={"ball": uv}, camera=picture)
+    >>> list(roll.sensors)
+    ['image:ball']
     """
 
     scale: float
@@ -67,6 +72,19 @@ class ImagePlane:
     down: tuple[float, float, float] = (0.0, 0.0, -1.0)
     tilt: float = 0.0
     name: str = "image"
+
+    if TYPE_CHECKING:
+        # What is taken, which is more than the types that fields have in the end.
+        def __init__(
+            self,
+            *,
+            scale: float,
+            origin: ArrayLike = (0.0, 0.0),
+            right: ArrayLike = (1.0, 0.0, 0.0),
+            down: ArrayLike = (0.0, 0.0, -1.0),
+            tilt: float = 0.0,
+            name: str = "image",
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name or ":" in self.name:
@@ -97,8 +115,8 @@ class ImagePlane:
         pixels: Sequence[ArrayLike],
         positions: Sequence[ArrayLike],
         *,
-        right: tuple[float, float, float] = (1.0, 0.0, 0.0),
-        down: tuple[float, float, float] = (0.0, 0.0, -1.0),
+        right: ArrayLike = (1.0, 0.0, 0.0),
+        down: ArrayLike = (0.0, 0.0, -1.0),
         name: str = "image",
     ) -> ImagePlane:
         """Return the picture in which two points are seen where they were, as the ends of a ruler.
@@ -116,6 +134,13 @@ class ImagePlane:
         ------
         ValueError
             Where either two are one point, or the line between them is along the line of sight.
+
+        Examples
+        --------
+        >>> from dashpot.calibrate import ImagePlane
+        >>> ruler = ImagePlane.from_points([(100, 300), (500, 300)], [(0, 0, 0), (0.5, 0, 0)])
+        >>> ruler.scale  # pixels a metre
+        800.0
         """
         plain = cls(scale=1.0, right=right, down=down, name=name)
         first, second = (_vector(f"pixels[{i}]", p, 2) for i, p in enumerate(_two(pixels)))

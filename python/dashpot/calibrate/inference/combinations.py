@@ -35,6 +35,13 @@ class Combination:
         The product at the estimates, in the product of their units.
     relative_error
         Its standard error over its value, to first order (that of its logarithm).
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import Combination
+    >>> known = Combination({"stiffness": 1.0, "mass": -1.0}, value=1e4, relative_error=0.01)
+    >>> known.exponents["mass"]
+    -1.0
     """
 
     exponents: Mapping[str, float]

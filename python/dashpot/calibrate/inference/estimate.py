@@ -38,6 +38,12 @@ class Estimate:
         together in time, as those of a model do that is not quite right; ``"not identified"``.
     widening
         How many times wider the interval is for that misfit; 1 without.
+
+    Examples
+    --------
+    >>> estimate = result["stiffness"]
+    >>> estimate.lower < 1e4 < estimate.upper, estimate.grade
+    (True, 'identified')
     """
 
     name: str

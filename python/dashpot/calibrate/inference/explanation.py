@@ -34,6 +34,13 @@ class Explanation:
         How the problem would say it.
     beside
         Of a delay, the channel beside which alone it is known; empty where it is known by itself.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import Explanation
+    >>> late = Explanation("load", "delay", 0.02, 1e-3, 0.9, True, "s", 'Parameter.delay("load")')
+    >>> print(late)
+    load looks 20 ± 1 ms late (Parameter.delay("load")): explains 90 % of the misfit
     """
 
     channel: str

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dashpot.calibrate.problem.setters import FRICTION, FRICTION_INDEX
 from dashpot.calibrate.problem.vectors import is_vector
@@ -71,8 +75,8 @@ def start_and_bounds(
     return middle(bounds, logarithmic=quantity != "restitution"), bounds
 
 
-def middle(bounds: tuple[float, float], *, logarithmic: bool) -> float:
+def middle(bounds: Sequence[float] | NDArray[np.float64], *, logarithmic: bool) -> float:
     """Return the geometric or arithmetic mean of two bounds."""
     if logarithmic and min(bounds) > 0.0:
         return math.sqrt(bounds[0] * bounds[1])
-    return 0.5 * (bounds[0] + bounds[1])
+    return float(0.5 * (bounds[0] + bounds[1]))

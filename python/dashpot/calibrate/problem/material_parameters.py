@@ -82,16 +82,20 @@ class MaterialParameters:
             is varied of what has no stiffness, given or varied.
             Beside an unknown stiffness ask for ``restitution`` or ``damping_ratio`` rather than
             ``damping``. Motions show how much a bounce returns, which at one damping in N s/m
-            depends on the stiffness too: data that a search fits with ease in restitution may end
-            it in a bad valley in N s/m, from a start a third off.
-            Let bounds of a ``restitution`` begin at about 0.05: 0 is not the limit of smaller ones
-            where there is friction (see `Material`). Of motions with 0 a search that may go below
-            finds 0.03 with an interval that leaves 0 out; with this bound it says that it ends
-            there.
+            depends on the stiffness too. Data that a search fits with ease in restitution may end
+            it in a bad valley in N s/m, from a start a third off. Let bounds of a ``restitution``
+            begin at about 0.05: 0 is not the limit of smaller ones where there is friction (see
+            `Material`). Of motions with 0 a search that may go below finds 0.03 with an interval
+            that leaves 0 out; with this bound it says that it ends there.
         start, bounds, name, transform, difference, per, frozen
             As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
             (``logit`` for restitution); starts and bounds are those of what there is, as stiffness
             from 10 to 1e8 N/m.
+
+        Examples
+        --------
+        >>> Parameter.material("ball", "restitution", start=0.5, bounds=(0.05, 0.99)).transform
+        'logit'
         """
         make = cast("type[Parameter]", cls)
         _check_quantity(quantity)
@@ -130,7 +134,7 @@ class MaterialParameters:
     @classmethod
     def pair(
         cls,
-        pairs: Sequence[tuple[Element, Element]],
+        pairs: Sequence[Sequence[Element]],
         quantity: MaterialField,
         /,
         *,
@@ -164,8 +168,14 @@ class MaterialParameters:
         "sliding_friction")``.
 
         A pair without a material of its own starts from ``Material()`` and the friction that it
-        has; a problem refuses what would so lose stiffness or damping of its geoms' materials, or
+        has. A problem refuses what would so lose stiffness or damping of its geoms' materials, or
         the model's ``solref``. Arguments as in `material`; the geoms by name or id.
+
+        Examples
+        --------
+        >>> both = Parameter.pair([("ball", "floor"), ("box", "floor")], "sliding_friction")
+        >>> both.start, both.bounds
+        (0.3, (0.01, 3.0))
         """
         make = cast("type[Parameter]", cls)
         several: Any = geom1

@@ -76,8 +76,13 @@ class ModelParameters:
             As in `Parameter`. By default the name is ``attribute``. Bounds that reach beyond what
             bodies can be (masses, moments of inertia and sizes <= 0, damping, armature and friction
             < 0) are refused. Values between them that make no body together, as moments of inertia
-            of which one exceeds the sum of the others do, are refused as a start; a search finds
+            of which one exceeds the sum of the others do, are refused as a start. A search finds
             none of them good.
+
+        Examples
+        --------
+        >>> Parameter.model("geom_friction", "floor", start=0.5, bounds=(0.1, 2.0), index=0).name
+        'geom_friction'
         """
         make = cast("type[Parameter]", cls)
         if not isinstance(attribute, str):
@@ -111,7 +116,7 @@ class ModelParameters:
         cls,
         body: Element,
         *,
-        mass: tuple[float, float] | None = None,
+        mass: Sequence[float] | None = None,
         centre: float | bool = True,
         shape: float | bool = True,
         name: str | None = None,
@@ -145,12 +150,14 @@ class ModelParameters:
         name, difference, per, frozen
             As in `Parameter`. By default the name is ``inertia of BODY``.
 
-        Example
-        -------
-        A box with an unknown load inside that was weighed and thrown; and a mass alone::
+        Examples
+        --------
+        A box with an unknown load inside that was weighed and thrown; and a mass alone:
 
-            Parameter.inertia("box", centre=0.05)
-            Parameter.inertia("box", mass=(0.2, 1.0), centre=False, shape=False)
+        >>> load = Parameter.inertia("box", centre=0.05)
+        >>> mass = Parameter.inertia("box", mass=(0.2, 1.0), centre=False, shape=False)
+        >>> load.name
+        'inertia of box'
         """
         make = cast("type[Parameter]", cls)
         if not is_element(body):

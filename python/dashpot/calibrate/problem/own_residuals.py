@@ -55,6 +55,16 @@ class SimulatedRecording:
     readings
         By channel, (rows, columns) what its recorder reads at these times, delays and gains
         included; of poses position and quaternion of each body.
+
+    Examples
+    --------
+    >>> def apex(simulated, recorded):
+    ...     heights = simulated.position["ball"][:, 2], recorded.position[:, 0, 2]
+    ...     return [(heights[0].max() - heights[1].max()) / 1e-3]
+    ...
+    >>> with_apex = Problem(engine, unknown, [throw], 1e-4, initial_state="given", residuals=apex)
+    >>> fit(with_apex, starts=0).converged
+    True
     """
 
     time: Array

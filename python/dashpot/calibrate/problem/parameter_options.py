@@ -7,13 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dashpot.calibrate.problem.transforms import TransformName
 from dashpot.object_ids import Element
 
 Groups: TypeAlias = Literal["trajectory"] | Mapping[str, Sequence[str]]
-Start: TypeAlias = float | Sequence[float]
-Bounds: TypeAlias = tuple[float, float] | Sequence[tuple[float, float]]
+Start: TypeAlias = float | Sequence[float] | NDArray[np.float64]
+Bounds: TypeAlias = Sequence[float | Sequence[float]] | NDArray[np.float64]
 Transforms: TypeAlias = TransformName | Sequence[TransformName]
 Frozen: TypeAlias = bool | Sequence[bool]
 

@@ -47,9 +47,9 @@ class Parameter(MaterialParameters, ModelParameters, RecorderParameters):
         number.
     difference
         Half-width of the central finite difference in the search coordinate, in (0, 0.5]. Contact
-        trajectories are only piecewise smooth: a much smaller step resolves the rounding and the
-        micro-step switches of a bounce instead of the trend that the fit needs; the default 1e-4
-        is 0.01 % of the value (log) or of the range (linear).
+        trajectories are only piecewise smooth. A much smaller step resolves the rounding and the
+        micro-step switches of a bounce instead of the trend that the fit needs. The default 1e-4 is
+        0.01 % of the value (log) or of the range (linear).
     apply
         Sets the value in a system; of a vector an array of its numbers.
     changes_model
@@ -74,6 +74,15 @@ class Parameter(MaterialParameters, ModelParameters, RecorderParameters):
     ------
     TypeError, ValueError
         Naming the parameter and the field.
+
+    Examples
+    --------
+    >>> gravity = Parameter(
+    ...     "gravity", start=9.0, bounds=(8.0, 11.0), changes_model=False,
+    ...     apply=lambda engine, value: engine.model.opt.gravity.__setitem__(2, -value),
+    ... )
+    >>> gravity.transform
+    'log'
     """
 
     name: str
@@ -148,7 +157,13 @@ class Parameter(MaterialParameters, ModelParameters, RecorderParameters):
         object.__setattr__(self, "start", float(self.start))
 
     def acts_in(self, trajectory: str) -> bool:
-        """Whether it acts in the trajectory of this name."""
+        """Whether it acts in the trajectory of this name.
+
+        Examples
+        --------
+        >>> unknown[0].acts_in("throw")
+        True
+        """
         return self.trajectories is None or trajectory in self.trajectories
 
     @property

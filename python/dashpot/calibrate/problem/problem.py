@@ -58,10 +58,10 @@ class Problem(ProblemSystems, ProblemStarts):
     Parameters
     ----------
     system
-        A `dashpot.Engine`; or a `mujoco.MjModel`, which is then stepped with ``mj_step`` (to tune
-        MuJoCo the same way); or a function from the values of all parameters by name to either,
-        for parameters that need the model to be compiled anew. It is never changed: every
-        candidate works on a copy.
+        A `dashpot.Engine`, or a `mujoco.MjModel`, which is then stepped with ``mj_step`` (to tune
+        MuJoCo the same way). Or a function from the values of all parameters by name to either, for
+        parameters that need the model to be compiled anew. It is never changed: every candidate
+        works on a copy.
     parameters
         The unknowns, and what is frozen, with different names. Those with ``per`` are replaced by
         one for each trajectory or group, vectors by one for each of their numbers.
@@ -79,8 +79,8 @@ class Problem(ProblemSystems, ProblemStarts):
         for each of its numbers; infinite: not measured. All sensors of trajectories need one.
         ``"pixels"``: of all points in pixels that are not named, as ``"CAMERA:POINT"``.
     noise
-        ``"stated"``: standard deviations are as stated, up to one factor; or ``"estimate"``: a fit
-        estimates them, those of positions, of rotations and of each sensor, event and scalar, and
+        ``"stated"``: standard deviations are as stated, up to one factor. ``"estimate"``: a fit
+        estimates them, those of positions, of rotations and of each sensor, event and scalar. It
         starts from the stated ones (`dashpot.calibrate.inference.noise_estimate`).
     event_sigma, scalar_sigma
         Standard deviations of events (s) and of scalars (their units) by kind, > 0. All events and
@@ -99,8 +99,8 @@ class Problem(ProblemSystems, ProblemStarts):
         or returns what is not finite, count as failed. They are of the whole, as scalars are.
     start_states
         Function from the values of all parameters by name to initial qpos (trajectories, nq) and
-        qvel (trajectories, nv), for parameters on which the initial states depend (where the centre
-        of mass is decides what a tracked point's flight says about velocity). None: what the
+        qvel (trajectories, nv), for parameters on which the initial states depend. Where the centre
+        of mass is decides what a tracked point's flight says about velocity. None: what the
         trajectories carry. Only with ``initial_state="given"``.
     initial_state
         ``"given"``: trajectories carry their initial state. ``"velocity"``: the initial velocity of
@@ -114,6 +114,14 @@ class Problem(ProblemSystems, ProblemStarts):
     ------
     ValueError, TypeError
         Naming the parameter or trajectory and the field.
+
+    Examples
+    --------
+    >>> [parameter.name for parameter in problem.parameters]
+    ['stiffness', 'restitution']
+    >>> held = problem.freeze("restitution")
+    >>> [parameter.frozen for parameter in held.parameters]
+    [False, True]
     """
 
     system: System | Builder

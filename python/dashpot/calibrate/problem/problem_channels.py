@@ -82,7 +82,13 @@ class ProblemChannels(ProblemFields):
         ]
 
     def with_window(self, window: float | None) -> Problem:
-        """Return the same problem over another window."""
+        """Return the same problem over another window.
+
+        Examples
+        --------
+        >>> problem.with_window(0.2).window
+        0.2
+        """
         return replace(cast("Problem", self), window=window)
 
     def with_noise(self, factors: Mapping[str, float]) -> Problem:

@@ -30,16 +30,22 @@ class ProblemSystems(ProblemFields):
             Values by name, or names of what is held at its start. That of a vector, or of one with
             ``per``, stands for all that it is made of.
 
-        Example
-        -------
-        How much worse a model without a slope is::
-
-            fit(problem.freeze({"slope": 0.0})).cost - fit(problem).cost
+        Examples
+        --------
+        >>> held = problem.freeze({"restitution": 0.6})
+        >>> [parameter.name for parameter in held.unknowns]
+        ['stiffness']
         """
         return replace(cast("Problem", self), parameters=frozen_at(self.parameters, values))
 
     def release(self, names: Iterable[str] | str) -> Problem:
-        """Return the same problem with frozen parameters fitted, from where they were held."""
+        """Return the same problem with frozen parameters fitted, from where they were held.
+
+        Examples
+        --------
+        >>> problem.freeze("restitution").release("restitution").parameters[1].frozen
+        False
+        """
         return replace(cast("Problem", self), parameters=released(self.parameters, names))
 
     def build(self, values: Mapping[str, float], trajectory: str | None = None) -> System:
@@ -57,6 +63,12 @@ class ProblemSystems(ProblemFields):
         ------
         ValueError
             Naming the parameter that is missing or unknown, or whose value was refused.
+
+        Examples
+        --------
+        >>> candidate = problem.build({"stiffness": 2e4, "restitution": 0.5})
+        >>> candidate.pair_material("ball", "floor").stiffness
+        20000.0
         """
         self.check_values(values)
         values = {**self.held, **values}

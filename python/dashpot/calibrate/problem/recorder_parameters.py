@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, cast, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dashpot.calibrate.problem.channels import POSES
 from dashpot.calibrate.problem.default_ranges import middle
@@ -26,7 +27,7 @@ class RecorderParameters:
         cls,
         channel: str | Sequence[str],
         *,
-        bounds: tuple[float, float],
+        bounds: Sequence[float] | NDArray[np.float64],
         start: float = 0.0,
         name: str | None = None,
         per: Groups | None = None,
@@ -45,11 +46,12 @@ class RecorderParameters:
         start, name, per, frozen
             As in `Parameter`. By default the name is ``delay of CHANNEL``.
 
-        Example
-        -------
-        A load cell that may be up to 50 ms late beside a camera::
+        Examples
+        --------
+        A load cell that may be up to 50 ms late beside a camera:
 
-            Parameter.delay("load", bounds=(-0.01, 0.05))
+        >>> Parameter.delay("load", bounds=(-0.01, 0.05)).name
+        'delay of load'
         """
         return cls._of_sensing("delay", channel, start, bounds, name, per, frozen, "linear")
 
@@ -67,6 +69,11 @@ class RecorderParameters:
         """Estimate the gain of a sensor, or of a scalar: its reading is so many times the true one.
 
         Parameters as in `delay`; `bounds` > 0.
+
+        Examples
+        --------
+        >>> Parameter.gain("load", bounds=(0.5, 2.0)).start
+        1.0
         """
         return cls._of_sensing("gain", channel, start, bounds, name, per, frozen, "log")
 
@@ -85,6 +92,11 @@ class RecorderParameters:
 
         Parameters as in `delay`. Of sensors of several numbers all have the same, unless `start` or
         `bounds` are those of a vector.
+
+        Examples
+        --------
+        >>> Parameter.offset("load", bounds=(-5.0, 5.0)).transform  # in N
+        'linear'
         """
         return cls._of_sensing("offset", channel, start, bounds, name, per, frozen, "linear")
 
@@ -92,7 +104,7 @@ class RecorderParameters:
     def scale(
         cls,
         *,
-        bounds: tuple[float, float],
+        bounds: Sequence[float] | NDArray[np.float64],
         start: float = 1.0,
         centre: Sequence[float] = (0.0, 0.0, 0.0),
         name: str | None = None,
@@ -107,6 +119,11 @@ class RecorderParameters:
             (3,) the point that is measured rightly, world, m: the optical axis of a camera.
         bounds, start, name, per, frozen
             As in `delay`; `bounds` > 0. By default the name is ``scale of poses``.
+
+        Examples
+        --------
+        >>> Parameter.scale(bounds=(0.9, 1.1)).name
+        'scale of poses'
         """
         point = number_array("centre", centre)
         if point.shape != (3,) or not np.isfinite(point).all():
@@ -120,7 +137,7 @@ class RecorderParameters:
         quantity: ImageQuantity,
         camera: str = "image",
         *,
-        bounds: tuple[float, float],
+        bounds: Sequence[float] | NDArray[np.float64],
         start: float | None = None,
         name: str | None = None,
         per: Groups | None = None,
@@ -132,9 +149,9 @@ class RecorderParameters:
         ----------
         quantity
             ``"scale"``: pixels per metre of an `ImagePlane`, of a camera of the model its focal
-            length in pixels; ``"tilt"``: rad, clockwise; ``"origin_u"``, ``"origin_v"``: the pixel
-            where the origin of the world is seen, of a camera of the model the middle.
-            Where a camera stands and looks `model` varies: ``cam_pos``, ``cam_fovy`` ...
+            length in pixels. ``"tilt"``: rad, clockwise. ``"origin_u"``, ``"origin_v"``: the pixel
+            where the origin of the world is seen, of a camera of the model the middle. Where a
+            camera stands and looks `model` varies: ``cam_pos``, ``cam_fovy`` ...
         camera
             Name of the camera, or of the `ImagePlane`.
         bounds
@@ -142,6 +159,11 @@ class RecorderParameters:
         start, name, per, frozen
             As in `Parameter`. By default the start is in the middle of the bounds, the name
             ``scale of image``.
+
+        Examples
+        --------
+        >>> Parameter.image("tilt", bounds=(-0.1, 0.1)).name
+        'tilt of image'
         """
         if quantity not in get_args(ImageQuantity):
             raise ValueError(

@@ -4,8 +4,8 @@
 
 A toss is simulated from its first frame, with a start state fitted to its flight before the first
 contact. Prediction errors are time means over all later frames, and over those from the first
-contact on: distance between the centres in percent of the cube's width, and angle between the
-orientations in degrees. Lengths are scaled to agree with gravity.
+contact on. They are the distance between the centres in percent of the cube's width, and the angle
+between the orientations in degrees. Lengths are scaled to agree with gravity.
 
 Body properties come first: the centre of mass shows in the flights, inertia and corner radius are
 fitted together with the contact's parameters. Without them the contact alone has to explain errors

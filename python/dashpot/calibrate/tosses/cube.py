@@ -28,6 +28,13 @@ class Cube:
         m, >= 0; 0: a box with sharp corners; else spheres of this radius in its corners.
     offset
         Centre of mass in the body frame, m.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> cube = study.Cube()
+    >>> round(cube.half_width, 3)
+    0.052
     """
 
     half_width: float = 0.0524

@@ -33,6 +33,14 @@ class Errors:
     hinge
         (tosses,) time mean of how far the angle of a hinge is off, degrees, the shorter way round;
         NaN where none is observed.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> problem = study.toss_problem(tosses[:3], study.Cube())
+    >>> errors = study.evaluate(problem, problem.start, study.Cube())
+    >>> errors.rotation.shape, errors.contact_position.shape
+    ((3,), (3,))
     """
 
     position: Array
@@ -72,6 +80,14 @@ def evaluate(
         Its half width is the scale of errors of position and says where contact begins.
     nthread
         Number of threads, >= 1. None: one per core.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> problem = study.toss_problem(tosses[:3], study.Cube())
+    >>> errors = study.evaluate(problem, problem.start, study.Cube())
+    >>> errors.position.shape
+    (3,)
     """
     contact = [
         flight_frames(t.position[:, 0], t.quaternion[:, 0], cube) for t in problem.trajectories
@@ -101,6 +117,13 @@ def errors_of(
         By toss, the number of its frames before the first contact. None: not told apart.
     nthread
         Number of threads, >= 1. None: one per core.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> problem = study.toss_problem(tosses[:3], study.Cube())
+    >>> study.errors_of(problem, problem.start, width=0.1).position.shape
+    (3,)
     """
     found = predictions(with_exact_rates(problem), dict(values), np.empty(0), thread_count(nthread))
     errors = np.empty((len(found), 5))

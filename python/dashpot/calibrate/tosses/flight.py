@@ -40,7 +40,15 @@ _LEAST_INFORMATION = 1e-8
 
 
 class Toss(Protocol):
-    """One toss as `dashpot.data.load_cube_tosses` returns it."""
+    """One toss as `dashpot.data.load_cube_tosses` returns it.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> toss: study.Toss = tosses[0]
+    >>> toss.position.shape[1]
+    3
+    """
 
     @property
     def name(self) -> str:
@@ -78,6 +86,13 @@ class Flight:
     residuals, residuals_per_offset
         (frames, 3) what the parabola leaves if the mass is centred, m, and (frames, 3, 3) what a
         metre of offset adds.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> flight = study.fit_flight(tosses[0], study.Cube())
+    >>> flight.position.shape, flight.residuals.shape == (flight.frames, 3)
+    ((3,), True)
     """
 
     frames: int
@@ -121,6 +136,13 @@ def fit_flight(
     ------
     ValueError
         Naming the toss, where it never comes down or has no two frames of flight.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> flight = study.fit_flight(tosses[0], study.Cube())
+    >>> float(np.abs(flight.residuals).max()) < 2e-3  # m
+    True
     """
     scaled = np.asarray(toss.position, dtype=float) * length_scale
     frames = flight_frames(scaled, toss.quaternion, cube)
@@ -152,7 +174,15 @@ def fit_flight(
 def trajectory(
     toss: Toss, flight: Flight, cube: Cube, *, length_scale: float = LENGTH_SCALE
 ) -> Trajectory:
-    """Return a toss with the start state of its flight for the centre of mass of `cube`."""
+    """Return a toss with the start state of its flight for the centre of mass of `cube`.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> flight = study.fit_flight(tosses[0], study.Cube())
+    >>> study.trajectory(tosses[0], flight, study.Cube()).bodies
+    ('cube',)
+    """
     offset = np.array(cube.offset)
     return Trajectory(
         name=toss.name,
@@ -169,13 +199,21 @@ def centre_of_mass(flights: Iterable[Flight]) -> tuple[Array, Array]:
     """Return offset (3,) of the centre of mass in the body and its standard errors (3,), m.
 
     The offset that leaves the least of all flights' parabolas. What a flight leaves hangs together,
-    and some flights are tracked worse than others: each counts by Huber's weight of its influence
+    and some flights are tracked worse than others. Each counts by Huber's weight of its influence
     (reweighted least squares), and the errors are those of the flights' scatter.
 
     Raises
     ------
     ValueError
         With fewer than two flights, or where they do not turn enough to tell.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> flights = [study.fit_flight(toss, study.Cube()) for toss in tosses[:20]]
+    >>> offset, error = study.centre_of_mass(flights)
+    >>> offset.shape, error.shape
+    ((3,), (3,))
     """
     several = tuple(flights)
     if len(several) < 2:

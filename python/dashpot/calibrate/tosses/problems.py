@@ -51,7 +51,7 @@ def toss_problem(
     """Return the problem of contact parameters, in dashpot or (``peer``) in MuJoCo.
 
     Unknown are stiffness, damping ratio and sliding friction in dashpot, time constant, damping
-    ratio and friction in MuJoCo; with ``body`` also inertia and corner radius, with ``load`` also
+    ratio and friction in MuJoCo. With ``body`` also inertia and corner radius, with ``load`` also
     how friction falls with load. The centre of mass is that of `cube` (see `weighed`), and start
     states follow from it and the flights.
 
@@ -77,6 +77,13 @@ def toss_problem(
     ------
     ValueError
         With ``peer`` and ``load``: MuJoCo's friction does not depend on load.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> problem = study.toss_problem(tosses[:3], study.Cube())
+    >>> problem.names
+    ('stiffness', 'damping_ratio', 'sliding_friction')
     """
     if peer and load:
         raise ValueError("load=True needs peer=False: MuJoCo's friction does not depend on load")
@@ -118,7 +125,14 @@ def toss_problem(
 
 
 def weighed(tosses: Sequence[Toss], cube: Cube, *, length_scale: float = LENGTH_SCALE) -> Cube:
-    """Return `cube` with the centre of mass that the flights of `tosses` show."""
+    """Return `cube` with the centre of mass that the flights of `tosses` show.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> len(study.weighed(tosses[:20], study.Cube()).offset)
+    3
+    """
     flights = (fit_flight(toss, cube, length_scale=length_scale) for toss in tosses)
     x, y, z = centre_of_mass(flights)[0]
     return replace(cube, offset=(float(x), float(y), float(z)))

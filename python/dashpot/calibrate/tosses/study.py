@@ -36,6 +36,14 @@ class Study:
     cube
         The cube before it: with ``body`` that with the centre of mass of the flights. None of
         others.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> quick = {"method": "least_squares", "starts": 0, "max_evaluations": 20}
+    >>> found = study.study(tosses[:4], fitted=2, **quick)
+    >>> found.seen.position.shape, found.fit.problem.names
+    ((2,), ('stiffness', 'damping_ratio', 'sliding_friction', 'inertia', 'corner_radius'))
     """
 
     fit: Fit
@@ -78,6 +86,15 @@ def fit_and_predict(
         Chooses the tosses, and starts.
     method, starts, max_evaluations, nthread, progress
         As in `dashpot.calibrate.fit`.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> problem = study.toss_problem(tosses[:4], study.Cube())
+    >>> quick = {"method": "least_squares", "starts": 0, "max_evaluations": 20}
+    >>> found = study.fit_and_predict(problem, fitted=2, width=0.1, **quick)
+    >>> found.unseen.position.shape
+    (2,)
     """
     if problem.initial_state != "given":
         problem = with_flights(problem, clearance=clearance, nthread=nthread)
@@ -101,7 +118,15 @@ def fit_and_predict(
 
 
 def split(tosses: Sequence[T], fitted: int, seed: int) -> tuple[list[T], list[T]]:
-    """Return the tosses to fit on, drawn by `seed`, and the others."""
+    """Return the tosses to fit on, drawn by `seed`, and the others.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> fitted, others = study.split(tosses, 100, seed=0)
+    >>> len(fitted), len(others)
+    (100, 300)
+    """
     if not 1 <= fitted < len(tosses):
         raise ValueError(f"fitted must be in [1, {len(tosses) - 1}], got {fitted!r}")
     order = np.random.default_rng(seed).permutation(len(tosses))
@@ -160,6 +185,14 @@ def study(
     method, starts, max_evaluations, nthread, progress
         As in `dashpot.calibrate.fit`. Whole rollouts make a cost with many valleys, which CMA-ES
         takes best.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import tosses as study
+    >>> quick = {"method": "least_squares", "starts": 0, "max_evaluations": 20}
+    >>> found = study.study(tosses[:4], fitted=2, **quick)
+    >>> found.unseen.position.shape
+    (2,)
     """
     shape = Cube() if cube is None else cube
     seen, unseen = split(tosses, fitted, seed)
