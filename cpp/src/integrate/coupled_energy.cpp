@@ -108,7 +108,7 @@ void CoupledEnergy::correct_speed(bool on_ground) {
 bool give_up_drives(std::vector<CoupledEnergy>& all) {
   bool again = false;
   for (CoupledEnergy& coupled : all) {
-    if (!coupled.left_half || coupled.scale != 0.0) continue;
+    if (!coupled.left_corrector || coupled.scale != 0.0) continue;
     if (!coupled.follows_drives || !coupled.drives_change) continue;
     coupled.follows_drives = false;
     again = true;

@@ -44,12 +44,13 @@ void DriveChanges::start(const mjModel_* model, const mjData_* d,
 }
 
 void DriveChanges::find(const mjModel_* model, const mjData_* d, const HeldMotion& before,
-                        const Trees& trees, const std::vector<char>& left_half) {
+                        const Trees& trees, const std::vector<char>& left_corrector) {
   followed_change_.assign(drive_.size(), 0.0);
-  if (std::none_of(left_half.begin(), left_half.end(), [](char left) { return left; })) return;
+  if (std::none_of(left_corrector.begin(), left_corrector.end(), [](char left) { return left; }))
+    return;
   host::servo_changes(model, d, before.displacement, servo_change_);
   for (size_t index = 0; index < trees.tree.size(); ++index) {
-    if (!left_half[index] || host::is_free_body(model, index)) continue;
+    if (!left_corrector[index] || host::is_free_body(model, index)) continue;
     const Tree& t = trees.tree[index];
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
       commanded_change_[i] = drive_[i] - before.drive[i] - servo_change_[i];

@@ -25,9 +25,9 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   couple_trees(rows, motion);
   drives_.start(model_, d, motion.start_velocity());
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
-  find_left_halves(memory, motion);
+  find_left_correctors(memory, motion);
   find_potential_forces(d, motion);
-  drives_.find(model_, d, memory.held_motion(), trees, left_half_);
+  drives_.find(model_, d, memory.held_motion(), trees, left_corrector_);
   recall_equalities(step, rows, trees);
   translations_.find(model_, d, rows, trees, first_);
   holding_rows_.find_at_start(step, rows, data, trees);
@@ -51,14 +51,15 @@ void Trapezoid::couple_trees(const Rows& rows, const TreeMotion& motion) {
     if (first_[i] < 0 && motion.linked()[i] && !trees.is_soft(i)) first_[i] = i;
 }
 
-void Trapezoid::find_left_halves(const Memory& memory, const TreeMotion& motion) {
+void Trapezoid::find_left_correctors(const Memory& memory, const TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
-  left_half_.assign(first_.size(), 0);
+  left_corrector_.assign(first_.size(), 0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = motion.trees().tree[index];
     const auto begin = motion.start_velocity().begin() + t.dof_begin;
-    left_half_[index] = first_[index] >= 0 && before.length[index] > 0.0 &&
-                        std::equal(begin, begin + t.dof_count, memory.end_velocity() + t.dof_begin);
+    left_corrector_[index] =
+        first_[index] >= 0 && before.length[index] > 0.0 &&
+        std::equal(begin, begin + t.dof_count, memory.end_velocity() + t.dof_begin);
   }
 }
 
@@ -96,7 +97,7 @@ bool Trapezoid::find_scales(const mjData_* d, double length, bool whole, const M
     for (CoupledEnergy& coupled : coupled_) coupled = coupled.anew();
     find_corrector(d, memory, motion);
     if (std::none_of(coupled_.begin(), coupled_.end(),
-                     [](const CoupledEnergy& c) { return c.by_equalities || c.left_half; }))
+                     [](const CoupledEnergy& c) { return c.by_equalities || c.left_corrector; }))
       return false;
     const bool any_held = std::any_of(coupled_.begin(), coupled_.end(), [](const CoupledEnergy& c) {
       return c.by_equalities || c.held;
@@ -106,7 +107,7 @@ bool Trapezoid::find_scales(const mjData_* d, double length, bool whole, const M
       find_springs(d, memory, motion);
     }
     for (CoupledEnergy& coupled : coupled_)
-      if (coupled.left_half)
+      if (coupled.left_corrector)
         coupled.scale =
             whole || !(coupled.held || coupled.by_equalities) ? 1.0 : coupled.find_scale();
   } while (give_up_drives(coupled_));
@@ -123,9 +124,9 @@ void Trapezoid::find_corrector(const mjData_* d, const Memory& memory, TreeMotio
   holding_rows_.forget_borne();
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = trees.tree[index];
-    if (!left_half_[index]) continue;
+    if (!left_corrector_[index]) continue;
     CoupledEnergy& coupled = coupled_[first_[index]];
-    coupled.left_half = true;
+    coupled.left_corrector = true;
     coupled.held = coupled.held || before.held[index] != 0.0;
     coupled.wanted += before.energy[index];
     const bool flies = !coupled.by_equalities && before.held[index] == 0.0;
@@ -180,7 +181,7 @@ void Trapezoid::find_energies(const mjData_* d, double length, const Memory& mem
       coupled.linear += velocity[i] * momentum_of_half_[i];
       coupled.square += 0.5 * generalized_[i] * momentum_of_half_[i];
     }
-    if (left_half_[index]) {
+    if (left_corrector_[index]) {
       const Trees& trees = motion.trees();
       const double before = memory.held_motion().implicit_time[index];
       const double implicit = t.damped ? (before > 0.0 ? before : t.implicit_time) : length;
@@ -191,7 +192,7 @@ void Trapezoid::find_energies(const mjData_* d, double length, const Memory& mem
       coupled.damped_square += 0.5 * damped(generalized_.data());
     }
     coupled.kinetic += kinetic;
-    if (!left_half_[index] || host::is_free_body(model_, index)) coupled.wanted += kinetic;
+    if (!left_corrector_[index] || host::is_free_body(model_, index)) coupled.wanted += kinetic;
   }
   find_common_momenta(d, motion);
   for (CoupledEnergy& coupled : coupled_) coupled.wanted += coupled.turning_work + coupled.driven;
@@ -224,7 +225,7 @@ void Trapezoid::find_common_momenta(const mjData_* d, const TreeMotion& motion) 
 void Trapezoid::correct_speeds() {
   for (size_t first = 0; first < coupled_.size(); ++first) {
     CoupledEnergy& coupled = coupled_[first];
-    if (!coupled.left_half) continue;
+    if (!coupled.left_corrector) continue;
     const bool on_ground = !coupled.by_equalities || translations_.count(first) < kDirections;
     if (coupled.scale == 0.0) coupled.correct_speed(on_ground);
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
@@ -235,7 +236,7 @@ void Trapezoid::correct_speeds() {
 
 void Trapezoid::book_corrector(EnergyLedger& ledger) const {
   for (const CoupledEnergy& coupled : coupled_) {
-    if (!coupled.left_half) continue;
+    if (!coupled.left_corrector) continue;
     // What damping takes of it is in the work of the next step, which starts from before it.
     ledger.work += coupled.driven;
     ledger.dissipated_damping += coupled.damped_beside;
@@ -266,7 +267,7 @@ void Trapezoid::add_corrector(const Trees& trees, RowData& data) {
 
 void Trapezoid::count_followed_changes(const Trees& trees) {
   for (size_t index = 0; index < trees.tree.size(); ++index) {
-    if (!left_half_[index] || !coupled_[first_[index]].follows_drives) continue;
+    if (!left_corrector_[index] || !coupled_[first_[index]].follows_drives) continue;
     drives_.count_followed(trees.tree[index], coupled_[first_[index]].scale);
   }
 }
@@ -288,7 +289,7 @@ void Trapezoid::add_load(const std::vector<double>& load, int tree, const Trees&
 void Trapezoid::add_borne(std::vector<double>& impulse) {
   if (added_.empty()) return;
   for (size_t index = 0; index < first_.size(); ++index)
-    if (left_half_[index])
+    if (left_corrector_[index])
       holding_rows_.add_borne(static_cast<int>(index), coupled_[first_[index]].scale, impulse);
 }
 

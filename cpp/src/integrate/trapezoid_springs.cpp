@@ -17,7 +17,7 @@ void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeM
     return coupled.follows_drives ? change + drives_.servo_change(dof) : change;
   };
   for (int index = 0; index < trees; ++index) {
-    if (!left_half_[index]) continue;
+    if (!left_corrector_[index]) continue;
     const Tree& t = motion.trees().tree[index];
     CoupledEnergy& coupled = coupled_[first_[index]];
     if (host::is_free_body(model_, index)) continue;
@@ -27,7 +27,7 @@ void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeM
     coupled.restoring -= work * before.length[index] * before.length[index];
   }
   const auto asks = [&](int index) {
-    return left_half_[index] && coupled_[first_[index]].restoring > 0.0;
+    return left_corrector_[index] && coupled_[first_[index]].restoring > 0.0;
   };
   int first = 0;
   while (first < trees && !asks(first)) ++first;

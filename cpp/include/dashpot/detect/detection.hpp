@@ -58,9 +58,8 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, De
             Team& team);
 // The contacts of the present positions within the model's own margins and gaps, from where
 // adhesion pulls: the points that detect() finds there. Those of MuJoCo's own collision would be
-// others on faces that lie flat, and the pull would turn bodies about the points that bear it: a
-// round cup rocked on what it held until that fell. Velocities may not be known yet, and do not
-// count. Throws as detect() does.
+// others on faces that lie flat, and the pull would turn bodies about the points that bear it.
+// Velocities may not be known yet, and do not count. Throws as detect() does.
 void find_present_contacts(mjModel_* m, mjData_* d, Detection& detection);
 // The same as detect() once more in this step, with the reach that detection.buffers now ask for at
 // least.

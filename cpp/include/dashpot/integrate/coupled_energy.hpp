@@ -64,9 +64,9 @@ struct CoupledEnergy {
   // heavy one s = 1 is a part of its own, which the damper of the equality takes.
   double lost = 0.0;
   bool by_equalities = false;
-  bool held = false;       // in the last step, at least one tree, by rows that have a position
-  bool left_half = false;  // in the last step, at least one tree
-  bool turns = true;       // its equalities, in this step
+  bool held = false;            // in the last step, at least one tree, by rows that have a position
+  bool left_corrector = false;  // in the last step, at least one tree
+  bool turns = true;            // its equalities, in this step
   bool follows_drives = true, drives_change = false;
   // -(df dq) H^2, dq'M dq, and r'M r, r what df has no part in of the Verlet corrector.
   double restoring = 0.0, way = 0.0, rest = 0.0;

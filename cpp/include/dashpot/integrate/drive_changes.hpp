@@ -35,9 +35,10 @@ class DriveChanges {
  public:
   // At the start of a step: e, of which no change is known. `velocity`: generalized.
   void start(const mjModel_* model, const mjData_* d, const std::vector<double>& velocity);
-  // Finds what e of trees that have `left_half` (by tree) has changed by since the step `before`.
+  // Finds what e of trees that have `left_corrector` (by tree) has changed by since the step
+  // `before`.
   void find(const mjModel_* model, const mjData_* d, const HeldMotion& before, const Trees& trees,
-            const std::vector<char>& left_half);
+            const std::vector<char>& left_corrector);
   // Of what is followed, counts the part s of a tree.
   void count_followed(const Tree& tree, double s);
   // Keeps a tree's for the next step, which starts with the generalized `velocity`, from a step

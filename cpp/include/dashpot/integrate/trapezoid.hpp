@@ -23,10 +23,9 @@
 //
 // Of the Verlet corrector, rows that hold the tree against the ground leave what holding_rows.hpp
 // says: they bear the rest, as a foot on the floor what the spring of its leg gains. They do so in
-// the step in which the half is added, of whose forces it is a part.
+// the step in which the corrector is added, of whose forces it is a part.
 //
-// Gravity has its Verlet corrector a step after its first. Where it turns light parts far
-// meanwhile,
+// The corrector of gravity comes a step late. Where gravity turns light parts far meanwhile,
 //
 //     H^2 m g l / 2 I > 1,    l: from a joint to the centre of mass m of all that hangs on it,
 //
@@ -111,7 +110,7 @@ class Trapezoid {
   void find_light_trees(const mjData_* d, const StepView& step, TreeMotion& motion);
   // Finds which trees have a Verlet corrector, and which of them share s.
   void couple_trees(const Rows& rows, const TreeMotion& motion);
-  void find_left_halves(const Memory& memory, const TreeMotion& motion);
+  void find_left_correctors(const Memory& memory, const TreeMotion& motion);
   void find_potential_forces(const mjData_* d, const TreeMotion& motion);
   // Adds up what the equalities of the last step did: J1' lambda, and their work by turning.
   void recall_equalities(const StepView& step, const Rows& rows, const Trees& trees);
@@ -161,7 +160,7 @@ class Trapezoid {
   HoldingRows holding_rows_;
   CommonTranslations translations_;
   DriveChanges drives_;
-  std::vector<char> left_half_;                                    // by tree
+  std::vector<char> left_corrector_;                               // by tree
   std::vector<CoupledEnergy> coupled_;                             // by first tree
   std::vector<double> wrench_, force_, corrector_, added_;         // by motion coordinate
   std::vector<double> load_response_;                              // of one tree, by the same

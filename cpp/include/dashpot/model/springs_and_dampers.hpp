@@ -23,7 +23,7 @@ double joint_spring_force(const mjModel_* m, const mjData_* d, int dof);
 //
 // The force of a damper that H does not have is held over the step: that of tendons and edges of
 // flexes with Euler and RK4, and between branches with all integrators. What it overshoots MuJoCo's
-// constraint solver takes back. Springs do not, and rows beside it gained energy in every step. So
+// constraint solver takes back. Springs do not, and rows beside it would gain energy. So
 // while anything is in touch a damper that takes some of its velocity in a step is a row: a slider
 // without stiffness or limit, whose flow is closed form. MuJoCo sees the model without it.
 

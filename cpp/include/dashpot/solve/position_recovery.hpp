@@ -4,8 +4,8 @@
 // o (its unstressed penetration) is the error of geometry frozen over a step or of the initial
 // state. A surface that moved back at some speed would push bodies at that speed: near a singular
 // configuration, where little of the apparent mass moves along the row, that means fast bodies,
-// whose turning makes the next offset, so a straight chain connected at both ends gained energy
-// without bound. Displacing the bodies instead gives them no velocity. With t the offsets, limited
+// whose turning makes the next error. A straight chain connected at both ends would gain energy
+// without bound. Displacing the bodies instead gives them no velocity. With t the errors, limited
 // to what the recovery speed covers in a step,
 //
 //     d = inv(H) J' e ,   (A + R) e = t ,   A = J inv(H) J' .
