@@ -195,8 +195,8 @@ def timeline() -> Figure:
                       arrowprops={"arrowstyle": "->"})  # fmt: skip
     axes.annotate("", (0.0, -0.55), (-0.9, -0.55), arrowprops={"arrowstyle": "->"})
     axes.annotate("", (5.9, -0.55), (5.0, -0.55), arrowprops={"arrowstyle": "->"})
-    axes.text(0.1, -0.62, "second half of the last step", fontsize="small")
-    axes.text(4.9, -0.62, "second half, once its forces are known", ha="right", fontsize="small")
+    axes.text(0.1, -0.62, "Verlet corrector of the last step", fontsize="small")
+    axes.text(4.9, -0.62, "corrector, once its forces are known", ha="right", fontsize="small")
     axes.plot([0, 5], [0, 0], color="black", linewidth=1.5)
     axes.set(xlim=(-1.1, 6.1), ylim=(-0.8, 1.75), xlabel="time in the step, ms", yticks=[])
     axes.spines[["left", "top", "right"]].set_visible(False)

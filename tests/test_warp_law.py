@@ -108,10 +108,10 @@ EQUATIONS = {
         "law/friction.hpp": ("t_i / (1 + gamma c_i / mu_i^2)",),
     },
     "group": {
-        "microsteps/microstep.hpp": ("h u + h^2/2 b + w r + s h (u' - u - h b - w p),   s = 1/3",)
+        "solve/microstep.hpp": ("h u + h^2/2 b + w r + s h (u' - u - h b - w p),   s = 1/3",)
     },
     "comfree": {
-        "microsteps/comfree.hpp": (
+        "solve/comfree.hpp": (
             "max(0, m (-d v_p - k (g + dt v_p)))",
             "k = k_user / dt",
             "d = d_user / dt",

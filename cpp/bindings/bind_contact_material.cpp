@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "dashpot/islands/group_material.hpp"
-#include "dashpot/mujoco/contact_parameters.hpp"
+#include "dashpot/model/contacts.hpp"
 
 namespace py = pybind11;
 

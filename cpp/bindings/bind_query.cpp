@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/detect/geometry_host.hpp"
 #include "dashpot/geometry/closest.hpp"
 #include "dashpot/geometry/query.hpp"
 #include "dashpot/simulations/distances.hpp"

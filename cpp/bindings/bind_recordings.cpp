@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "dashpot/mujoco/model_checks.hpp"
-#include "dashpot/mujoco/simple_inertia.hpp"
+#include "dashpot/model/body_inertia.hpp"
+#include "dashpot/model/checks.hpp"
 #include "dashpot/simulations/recordings.hpp"
 #include "without_gil.hpp"
 

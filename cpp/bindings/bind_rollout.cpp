@@ -13,9 +13,9 @@
 #include <utility>
 #include <vector>
 
-#include "dashpot/mujoco/model_checks.hpp"
-#include "dashpot/mujoco/model_view.hpp"
-#include "dashpot/mujoco/simple_inertia.hpp"
+#include "dashpot/model/body_inertia.hpp"
+#include "dashpot/model/checks.hpp"
+#include "dashpot/model/state.hpp"
 #include "dashpot/simulations/rollout.hpp"
 #include "model_lock.hpp"
 #include "without_gil.hpp"

@@ -8,8 +8,8 @@
 #include <cstdlib>
 #include <string>
 
-#include "dashpot/engine/contacts.hpp"
-#include "dashpot/mujoco/state.hpp"
+#include "dashpot/model/state.hpp"
+#include "dashpot/step/contacts.hpp"
 
 // The model of an MJCF text, to be deleted by the caller. Ends the program where it has errors.
 inline mjModel* compile(const std::string& xml, int contact_capacity) {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "dashpot/microsteps/sweep_kernels.hpp"
+#include "dashpot/solve/sweep_kernels.hpp"
 
 namespace dashpot {
 

@@ -93,7 +93,7 @@ void check_ends_of_ranges(int n) {
     }
   }
   const Matrix similar = root * inverse * root;
-  check_bound(sum.hand_over(trees, 1, other, room), similar, "bound of ends of ranges");
+  check_bound(sum.replace(trees, 1, other, room), similar, "bound of ends of ranges");
   check_bound(other.take_bound(trees, 1, room), similar, "bound of ends handed over");
   if (!sum.empty(1) || other.take_bound(trees, 1, room) != 0.0) {
     std::printf("sums of ends are empty after their bounds were taken\n");
@@ -159,7 +159,7 @@ void check_tree(int n, int wide, int narrow) {
     const Matrix root = sum.diagonal().cwiseSqrt().asDiagonal();
     return root * inverse * root;
   };
-  check_bound(first.hand_over(trees, 1, others, room), similar(first_sum), "bound of first rows");
+  check_bound(first.replace(trees, 1, others, room), similar(first_sum), "bound of first rows");
   check_bound(others.take_bound(trees, 1, room), similar(all_sum), "bound of all rows");
   if (!first.empty(1) || !others.empty(1) || others.take_bound(trees, 1, room) != 0.0) {
     std::printf("sums are empty after their bounds were taken\n");

@@ -19,12 +19,12 @@
 
 #include "checks.hpp"
 #include "compiled_scene.hpp"
-#include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/engine/contacts.hpp"
-#include "dashpot/engine/engine.hpp"
+#include "dashpot/detect/geometry_host.hpp"
 #include "dashpot/geometry/closest.hpp"
 #include "dashpot/geometry/query.hpp"
 #include "dashpot/simulations/rollout.hpp"
+#include "dashpot/step/contacts.hpp"
+#include "dashpot/step/engine.hpp"
 
 namespace {
 

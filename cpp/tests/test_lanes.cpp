@@ -5,7 +5,7 @@
 
 #include "checks.hpp"
 #include "dashpot/law/friction.hpp"
-#include "dashpot/microsteps/sweep_kernels.hpp"
+#include "dashpot/solve/sweep_kernels.hpp"
 #include "random_rows.hpp"
 
 namespace {
@@ -166,7 +166,7 @@ void check_recovery() {
   for (int lane = 0; lane < kLanes; ++lane) {
     row.bearable[lane] = bearable;
     row.recovery_speed[lane] = speed;
-    row.offset[lane] = lane == 1 ? 1e-6 : 1e-2;
+    row.unstressed[lane] = lane == 1 ? 1e-6 : 1e-2;
     row.deformation[0][lane] = factor[lane] * bearable;
   }
   const Lanes rate = offset_rate(row, recovery);

@@ -8,7 +8,7 @@
 
 #include "checks.hpp"
 #include "dashpot/islands/islands.hpp"
-#include "dashpot/microsteps/microstep.hpp"
+#include "dashpot/solve/microstep.hpp"
 
 namespace {
 

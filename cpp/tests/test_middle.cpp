@@ -10,8 +10,8 @@
 
 #include "checks.hpp"
 #include "compiled_scene.hpp"
-#include "dashpot/detection/detection.hpp"
-#include "dashpot/mujoco/errors.hpp"
+#include "dashpot/detect/detection.hpp"
+#include "dashpot/model/errors.hpp"
 #include "dashpot/threads/team.hpp"
 
 namespace {

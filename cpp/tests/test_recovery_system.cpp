@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "dashpot/islands/islands.hpp"
-#include "dashpot/microsteps/position_recovery.hpp"
 #include "dashpot/rows/mass_weighted.hpp"
+#include "dashpot/solve/position_recovery.hpp"
 
 namespace {
 
@@ -134,7 +134,7 @@ Problem random_problem(int links, int bodies, int equalities, int contacts) {
   p.data.reset_rows(p.rows);
   for (double& x : p.data.deformation) x = uniform(-1e-3, 1e-3);
   for (char& sticks : p.data.sticking) sticks = uniform(0.0, 1.0) < 0.5;
-  for (int i = 0; i < equalities; ++i) p.data.offset[i] = uniform(-1e-3, 1e-3);
+  for (int i = 0; i < equalities; ++i) p.data.unstressed[i] = uniform(-1e-3, 1e-3);
   return p;
 }
 
@@ -158,7 +158,7 @@ Problem chain(int bodies) {
   }
   p.data.reset_rows(p.rows);
   for (double& x : p.data.deformation) x = uniform(-1e-3, 1e-3);
-  for (double& offset : p.data.offset) offset = uniform(-1e-3, 1e-3);
+  for (double& offset : p.data.unstressed) offset = uniform(-1e-3, 1e-3);
   return p;
 }
 
@@ -192,7 +192,7 @@ void check(const Problem& p, double tolerance) {
   std::vector<Vector> jacobian;
   for (int index : p.group) {
     const RowGroup& c = p.rows.group[index];
-    const double x = p.data.deformation[c.row], offset = p.data.offset[index];
+    const double x = p.data.deformation[c.row], offset = p.data.unstressed[index];
     const bool slips = !p.data.sticking[index];
     if (c.kind == RowKind::kContact && x >= 0.0) continue;
     for (int i = 0; i < c.dim; ++i) {

@@ -8,7 +8,7 @@
 
 #include "checks.hpp"
 #include "compiled_scene.hpp"
-#include "dashpot/engine/engine.hpp"
+#include "dashpot/step/engine.hpp"
 
 namespace {
 

@@ -7,7 +7,7 @@
 
 #include "checks.hpp"
 #include "dashpot/lanes/aligned.hpp"
-#include "dashpot/microsteps/sweep_kernels.hpp"
+#include "dashpot/solve/sweep_kernels.hpp"
 #include "random_rows.hpp"
 
 namespace {
@@ -28,7 +28,7 @@ void fill_law(double h, ContactLanes<Dim>& law) {
     for (auto& of_row : law.relaxation) of_row.relaxation[lane] = uniform(0.0, 1.0);
     law.bearable[lane] = 1e-4;
     law.recovery_speed[lane] = 0.1;
-    law.offset[lane] = uniform(-1e-4, 1e-4);
+    law.unstressed[lane] = uniform(-1e-4, 1e-4);
   }
   law.load_dependent = law.turns = uniform(0.0, 1.0) < 0.5;
 }
@@ -178,7 +178,8 @@ void check_equal_bits(const Swept<Jacobian, Law>& a, const Swept<Jacobian, Law>&
   for (int i = 0; i < a.kBlocks; ++i) {
     const Law &x = a.blocks[i].law, &y = b.blocks[i].law;
     check(same(x.deformation, y.deformation) && same(x.total_impulse, y.total_impulse) &&
-              same(x.work, y.work) && same(x.offset, y.offset) && same(x.sticking, y.sticking),
+              same(x.work, y.work) && same(x.unstressed, y.unstressed) &&
+              same(x.sticking, y.sticking),
           claim, x.deformation[0][0], y.deformation[0][0]);
   }
 }

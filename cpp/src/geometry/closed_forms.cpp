@@ -1,4 +1,4 @@
-#include "dashpot/geometry/closed_forms.hpp"
+#include "closed_forms.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

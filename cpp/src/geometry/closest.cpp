@@ -5,8 +5,8 @@
 #include <tuple>
 
 #include "dashpot/fcl/fcl_broadphase.hpp"
-#include "dashpot/geometry/height_field.hpp"
 #include "dashpot/geometry/query.hpp"
+#include "height_field.hpp"
 
 namespace dashpot {
 

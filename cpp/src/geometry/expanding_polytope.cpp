@@ -1,4 +1,4 @@
-#include "dashpot/geometry/expanding_polytope.hpp"
+#include "expanding_polytope.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

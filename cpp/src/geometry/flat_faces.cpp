@@ -156,7 +156,6 @@ std::vector<FlatFace> flat_faces(const CoarseHull& hull) {
           (is_here(at) ? here : beside).push_back(at);
         }
       }
-
     const Vector3d x = (hull.corner.col(first[0]) - face.origin).normalized();
     const Vector3d y = face.normal.cross(x);
     const auto place = [&](int at) {

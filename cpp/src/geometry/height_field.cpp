@@ -1,4 +1,4 @@
-#include "dashpot/geometry/height_field.hpp"
+#include "height_field.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "dashpot/geometry/moving_shape.hpp"
-#include "dashpot/geometry/prisms.hpp"
+#include "moving_shape.hpp"
+#include "prisms.hpp"
 
 namespace dashpot {
 
@@ -80,6 +80,94 @@ class Directions {
   std::array<double, kKept> lowest_{};
   int count_ = 0, next_ = 0;
 };
+
+Motion later(const Motion& m, double time) {
+  return Motion{m.centre + time * m.linear, m.linear, m.angular};
+}
+
+// Of a part of the way: poses and motions at its start, and the box of the shape there as the field
+// sees it; how long it lasts, s.
+struct Window {
+  Pose field_pose, pose;
+  Motion field_motion, motion;
+  Pose local{};
+  AlignedBox3d box{};
+  double length = 0.0;
+};
+
+// Bounds on the motion of a shape as a field sees it: a drift that all points share, in the
+// direction of the field's axes, and what turning adds.
+struct SweptMotion {
+  SweptMotion(const Motion& field_motion, const Shape& shape, const Pose& pose,
+              const Motion& motion, double horizon)
+      : drift(motion.linear - field_motion.linear),
+        arm((pose.position - motion.centre).norm() + core_extent(shape)),
+        turn(motion.angular.norm() * arm) {
+    const double field_arm =
+        (motion.centre - field_motion.centre).norm() + drift.norm() * horizon + arm;
+    field_turn = field_motion.angular.norm() * field_arm;
+    speed = drift.norm() + turn + field_turn;
+  }
+
+  // What the box of a window sweeps in `length` (s).
+  AlignedBox3d swept(const Window& window, double length) const {
+    const Vector3d moved = window.field_pose.rotation.transpose() * drift * length;
+    const AlignedBox3d end(window.box.min() + moved, window.box.max() + moved);
+    return inflated(window.box.merged(end),
+                    std::min(turn * length, 2.0 * arm) + field_turn * length);
+  }
+
+  Vector3d drift;
+  double arm, turn, field_turn, speed;
+};
+
+// How long (s) into a window the shape meets no prism, at most all of it; notes in `result` what it
+// meets then. In the frame of the field, which bounds hold for as long as it does not turn.
+double free_time(const Prisms& prisms, const Window& window, const SweptMotion& bounds,
+                 const Shape& shape, double margin, double touching,
+                 std::vector<Candidate>& candidates, TimeOfImpact& result) {
+  const AlignedBox3d sweep = bounds.swept(window, window.length);
+  double left = window.length;
+  const auto to_field = [&](const Vector3d& v) -> Vector3d {
+    return window.field_pose.rotation.transpose() * v;
+  };
+  const MovingShape moving =
+      make_moving(shape, window.local,
+                  {to_field(window.motion.centre - window.field_pose.position),
+                   to_field(bounds.drift), to_field(window.motion.angular)});
+  Directions directions([&](const Vector3d& normal) {
+    return std::min(moving.height(normal, -1.0, 0.0), moving.height(normal, -1.0, left));
+  });
+  candidates.clear();
+  for (const CellRange& block : Prisms::blocks(prisms.cells(sweep))) {
+    if (!prisms.box(block).intersects(sweep)) continue;
+    prisms.visit(block, [&](int index, const Prism& prism) {
+      const AlignedBox3d prism_box = prism.box();
+      if (prism_box.intersects(sweep))
+        candidates.emplace_back(box_distance(prism_box, window.box), index);
+    });
+  }
+  std::sort(candidates.begin(), candidates.end());
+  PlacedPrism placed(window.field_pose);
+  for (const auto& [bound, index] : candidates) {
+    if (bound > bounds.speed * left) break;
+    const Prism prism = prisms.at(index);
+    if (directions.prove_further(prism, margin + touching)) continue;
+    placed.set(prism);
+    const TimeOfImpact found = time_of_impact(placed.shape(), placed.pose(), window.field_motion,
+                                              shape, window.pose, window.motion, left, margin);
+    result.evaluations += found.evaluations;
+    if (found.hit) {
+      result.hit = true;
+      result.at = found.at;
+      left = found.time;
+      directions.refresh();
+    }
+    if (left == 0.0) break;
+    if (bounds.field_turn == 0.0) directions.add(to_field(found.at.normal));
+  }
+  return left;
+}
 
 }  // namespace
 
@@ -172,19 +260,7 @@ TimeOfImpact height_field_time_of_impact(const HeightField& field, const Pose& f
                                          const Motion& field_motion, const Shape& shape,
                                          const Pose& pose, const Motion& motion, double horizon,
                                          double margin) {
-  const auto later = [](const Motion& m, double time) {
-    return Motion{m.centre + time * m.linear, m.linear, m.angular};
-  };
-  // Bounds on the motion of the shape as the field sees it: a drift that all points share, in the
-  // direction of the field's axes, and what turning adds.
-  const double arm = (pose.position - motion.centre).norm() + core_extent(shape);
-  const Vector3d drift = motion.linear - field_motion.linear;
-  const double field_arm =
-      (motion.centre - field_motion.centre).norm() + drift.norm() * horizon + arm;
-  const double field_turn = field_motion.angular.norm() * field_arm;
-  const double turn = motion.angular.norm() * arm;
-  const double speed = drift.norm() + turn + field_turn;
-
+  const SweptMotion bounds(field_motion, shape, pose, motion, horizon);
   const auto distance_at = [&](double time) {
     return height_field_distance(field, advance(field_pose, field_motion, time), shape,
                                  advance(pose, motion, time));
@@ -200,67 +276,19 @@ TimeOfImpact height_field_time_of_impact(const HeightField& field, const Pose& f
       throw UndecidedImpact("time of impact: no decision in " +
                             std::to_string(kMostDistancesToField) +
                             " distances and parts of the way");
-    const Pose field_now = advance(field_pose, field_motion, result.time);
-    const Pose now = advance(pose, motion, result.time);
-    const Pose local = relative_pose(field_now, now);
-    const AlignedBox3d box = inflated(bounding_box(shape, local), margin + touching);
-    const auto swept = [&](double length) {
-      const Vector3d moved = field_now.rotation.transpose() * drift * length;
-      const AlignedBox3d end(box.min() + moved, box.max() + moved);
-      return inflated(box.merged(end), std::min(turn * length, 2.0 * arm) + field_turn * length);
-    };
+    Window window{advance(field_pose, field_motion, result.time),
+                  advance(pose, motion, result.time), later(field_motion, result.time),
+                  later(motion, result.time)};
+    window.local = relative_pose(window.field_pose, window.pose);
+    window.box = inflated(bounding_box(shape, window.local), margin + touching);
     const double remaining = horizon - result.time;
-    if (!swept(remaining).intersects(whole)) break;
-    const double size = std::max(box.diagonal().norm(), prisms.cell_size());
-    const double short_motion =
-        std::min(size / (drift.norm() + field_turn), kTurnOfWindow / motion.angular.norm());
-    const double window =
-        std::min(remaining, std::max(short_motion, box_distance(box, whole) / speed));
-    const AlignedBox3d sweep = swept(window);
-
-    // In the frame of the field, which bounds hold for as long as it does not turn.
-    double left = window;
-    const auto to_field = [&](const Vector3d& v) -> Vector3d {
-      return field_now.rotation.transpose() * v;
-    };
-    const Motion motion_now = later(motion, result.time);
-    const MovingShape moving = make_moving(shape, local,
-                                           {to_field(motion_now.centre - field_now.position),
-                                            to_field(drift), to_field(motion.angular)});
-    Directions directions([&](const Vector3d& normal) {
-      return std::min(moving.height(normal, -1.0, 0.0), moving.height(normal, -1.0, left));
-    });
-    candidates.clear();
-    for (const CellRange& block : Prisms::blocks(prisms.cells(sweep))) {
-      if (!prisms.box(block).intersects(sweep)) continue;
-      prisms.visit(block, [&](int index, const Prism& prism) {
-        const AlignedBox3d prism_box = prism.box();
-        if (prism_box.intersects(sweep)) {
-          candidates.emplace_back(box_distance(prism_box, box), index);
-        }
-      });
-    }
-    std::sort(candidates.begin(), candidates.end());
-    PlacedPrism placed(field_now);
-    for (const auto& [bound, index] : candidates) {
-      if (bound > speed * left) break;
-      const Prism prism = prisms.at(index);
-      if (directions.prove_further(prism, margin + touching)) continue;
-      placed.set(prism);
-      const TimeOfImpact found =
-          time_of_impact(placed.shape(), placed.pose(), later(field_motion, result.time), shape,
-                         now, motion_now, left, margin);
-      result.evaluations += found.evaluations;
-      if (found.hit) {
-        result.hit = true;
-        result.at = found.at;
-        left = found.time;
-        directions.refresh();
-      }
-      if (left == 0.0) break;
-      if (field_turn == 0.0) directions.add(to_field(found.at.normal));
-    }
-    result.time += left;
+    if (!bounds.swept(window, remaining).intersects(whole)) break;
+    const double size = std::max(window.box.diagonal().norm(), prisms.cell_size());
+    const double short_motion = std::min(size / (bounds.drift.norm() + bounds.field_turn),
+                                         kTurnOfWindow / motion.angular.norm());
+    window.length =
+        std::min(remaining, std::max(short_motion, box_distance(window.box, whole) / bounds.speed));
+    result.time += free_time(prisms, window, bounds, shape, margin, touching, candidates, result);
     if (result.hit) {
       // What overlaps at the start is as deep as its deepest prism.
       if (result.time == 0.0) result.at = distance_at(0.0);

@@ -1,4 +1,4 @@
-#include "dashpot/geometry/moving_shape.hpp"
+#include "moving_shape.hpp"
 
 #include <Eigen/Geometry>
 #include <stdexcept>

@@ -1,4 +1,4 @@
-#include "dashpot/geometry/prisms.hpp"
+#include "prisms.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "dashpot/geometry/closed_forms.hpp"
-#include "dashpot/geometry/expanding_polytope.hpp"
-#include "dashpot/geometry/height_field.hpp"
+#include "closed_forms.hpp"
+#include "expanding_polytope.hpp"
+#include "height_field.hpp"
 
 namespace dashpot {
 

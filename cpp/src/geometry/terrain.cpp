@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/geometry/prisms.hpp"
+#include "prisms.hpp"
 
 namespace dashpot {
 

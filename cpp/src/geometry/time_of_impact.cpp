@@ -19,9 +19,9 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/geometry/height_field.hpp"
-#include "dashpot/geometry/moving_shape.hpp"
 #include "dashpot/geometry/query.hpp"
+#include "height_field.hpp"
+#include "moving_shape.hpp"
 
 namespace dashpot {
 
@@ -88,37 +88,9 @@ double safe_time(const Clearance& clearance, double longest, double touching) {
   return safe;
 }
 
-}  // namespace
-
-TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,
-                            const Shape& shape2, const Pose& pose2, const Motion& motion2,
-                            double horizon, double margin) {
-  if (!(horizon > 0.0) || !std::isfinite(horizon)) {
-    throw std::invalid_argument("horizon = " + std::to_string(horizon) +
-                                " s must be positive and finite");
-  }
-  const bool is_field1 = shape1.type == ShapeType::kHeightField;
-  const bool is_field2 = shape2.type == ShapeType::kHeightField;
-  if (is_field1 && is_field2) {
-    throw std::invalid_argument("two height fields: queries do not cover this pair");
-  }
-  if (is_field2) {
-    TimeOfImpact found =
-        time_of_impact(shape2, pose2, motion2, shape1, pose1, motion1, horizon, margin);
-    found.at = swapped(found.at);
-    return found;
-  }
-  if (is_field1 && !(motion1.acceleration.isZero(0.0) && motion2.acceleration.isZero(0.0)))
-    throw std::invalid_argument(
-        "time of impact with a height field along a parabola is not defined");
-  if (is_field1 && shape2.type == ShapeType::kPlane) {
-    return time_of_impact(height_field_hull(shape1.field), pose1, motion1, shape2, pose2, motion2,
-                          horizon, margin);
-  }
-  if (is_field1) {
-    return height_field_time_of_impact(shape1.field, pose1, motion1, shape2, pose2, motion2,
-                                       horizon, margin);
-  }
+TimeOfImpact convex_time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,
+                                   const Shape& shape2, const Pose& pose2, const Motion& motion2,
+                                   double horizon, double margin) {
   MovingShape body1 = make_moving(shape1, pose1, motion1);
   MovingShape body2 = make_moving(shape2, pose2, motion2);
   const double touching = kTouchingGap * (extent(shape1) + extent(shape2));
@@ -170,6 +142,40 @@ TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion
   }
   throw UndecidedImpact("time of impact: no decision in " + std::to_string(kMostDistances) +
                         " distances");
+}
+
+}  // namespace
+
+TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,
+                            const Shape& shape2, const Pose& pose2, const Motion& motion2,
+                            double horizon, double margin) {
+  if (!(horizon > 0.0) || !std::isfinite(horizon)) {
+    throw std::invalid_argument("horizon = " + std::to_string(horizon) +
+                                " s must be positive and finite");
+  }
+  const bool is_field1 = shape1.type == ShapeType::kHeightField;
+  const bool is_field2 = shape2.type == ShapeType::kHeightField;
+  if (is_field1 && is_field2) {
+    throw std::invalid_argument("two height fields: queries do not cover this pair");
+  }
+  if (is_field2) {
+    TimeOfImpact found =
+        time_of_impact(shape2, pose2, motion2, shape1, pose1, motion1, horizon, margin);
+    found.at = swapped(found.at);
+    return found;
+  }
+  if (is_field1 && !(motion1.acceleration.isZero(0.0) && motion2.acceleration.isZero(0.0)))
+    throw std::invalid_argument(
+        "time of impact with a height field along a parabola is not defined");
+  if (is_field1 && shape2.type == ShapeType::kPlane) {
+    return time_of_impact(height_field_hull(shape1.field), pose1, motion1, shape2, pose2, motion2,
+                          horizon, margin);
+  }
+  if (is_field1) {
+    return height_field_time_of_impact(shape1.field, pose1, motion1, shape2, pose2, motion2,
+                                       horizon, margin);
+  }
+  return convex_time_of_impact(shape1, pose1, motion1, shape2, pose2, motion2, horizon, margin);
 }
 
 }  // namespace dashpot

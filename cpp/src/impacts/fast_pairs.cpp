@@ -1,12 +1,12 @@
-#include "dashpot/impacts/fast_pairs.hpp"
+#include "fast_pairs.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/mujoco/properties.hpp"
-#include "dashpot/mujoco/state.hpp"
-#include "dashpot/mujoco/trees.hpp"
+#include "dashpot/detect/geometry_host.hpp"
+#include "dashpot/model/properties.hpp"
+#include "dashpot/model/state.hpp"
+#include "dashpot/model/trees.hpp"
 
 namespace dashpot {
 
@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// A blow between round bodies that has begun fast goes on so: parts of another length end it as
+// A blow between round bodies that has begun fast goes on so: substeps of another length end it as
 // another blow. Factor on the step, by which its pair counts as fast.
 constexpr double kGoesOn = 2.0;
 

@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "dashpot/detection/reach.hpp"
+#include "dashpot/detect/reach.hpp"
 #include "dashpot/geometry/pair_motion.hpp"
 #include "dashpot/geometry/query.hpp"
 
@@ -16,7 +16,7 @@ namespace {
 // The same of all others, which have edges: from as far as a clearance c the normal of what is
 // round is off by sqrt(2 c / r) there, and that of an edge which passes by c is across its way.
 // What is round and comes nearer than the clearance, but not as near, is left to where contacts
-// that come on are frozen (detection/turning.hpp).
+// that come on are frozen (detect/turning.hpp).
 constexpr double kTouch = 1e-6;
 
 }  // namespace

@@ -3,12 +3,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "dashpot/detection/reach.hpp"
+#include "dashpot/detect/reach.hpp"
 #include "dashpot/geometry/pair_motion.hpp"
 #include "dashpot/impacts/impact.hpp"
-#include "dashpot/mujoco/contacts.hpp"
-#include "dashpot/mujoco/trees.hpp"
-#include "dashpot/mujoco/velocities.hpp"
+#include "dashpot/model/contacts.hpp"
+#include "dashpot/model/trees.hpp"
+#include "dashpot/model/velocities.hpp"
 
 namespace dashpot {
 

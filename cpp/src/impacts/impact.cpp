@@ -3,11 +3,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/detect/geometry_host.hpp"
 #include "dashpot/geometry/query.hpp"
-#include "dashpot/impacts/fast_pairs.hpp"
-#include "dashpot/mujoco/trees.hpp"
+#include "dashpot/model/trees.hpp"
 #include "dashpot/rows/step_clock.hpp"
+#include "fast_pairs.hpp"
 
 namespace dashpot {
 
@@ -15,29 +15,29 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kTurnInContact = 0.005;  // rad, in a part with contact
-constexpr double kShortestPart =
-    1e-6;  // of the rest of a step: parts shorter than this are not cut
+constexpr double kTurnInContact = 0.005;  // rad, in a substep with contact
+constexpr double kShortestSubstep =
+    1e-6;  // of the rest of a step: substeps shorter than this are not cut
 
 class ImpactSearch {
  public:
   ImpactSearch(const mjModel_* model, const mjData_* data, double remaining, FastPairs& fast)
       : model_(model), data_(data), remaining_(remaining), fast_(fast), pairs_(fast.pairs) {}
 
-  // The motion over a shorter part is nearer to its mean: a second look at the pairs that limit the
-  // part sharpens the first.
-  double find_part(int cuts_left) {
+  // The motion over a shorter substep is nearer to its mean: a second look at the pairs that limit
+  // substep sharpens the first.
+  double find_length(int cuts_left) {
     const double shortest_contact = remaining_ / (2.0 * cuts_left);
-    double part = remaining_;
+    double longest = remaining_;
     const auto look = [&](FastPair& pair, double length) {
-      part = std::min(part, examine(pair, length, shortest_contact));
+      longest = std::min(longest, examine(pair, length, shortest_contact));
     };
     for (FastPair& pair : pairs_) look(pair, remaining_);
-    const double length = part;
+    const double length = longest;
     for (FastPair& pair : pairs_)
       if (!pair.apart || pair.clear <= length) look(pair, length);
-    part = std::max(part, kShortestPart * remaining_);
-    return part > (1.0 - kShortestPart) * remaining_ ? remaining_ : part;
+    longest = std::max(longest, kShortestSubstep * remaining_);
+    return longest > (1.0 - kShortestSubstep) * remaining_ ? remaining_ : longest;
   }
 
   std::vector<GeomPair> pairs_in_touch() const {
@@ -87,7 +87,7 @@ class ImpactSearch {
   }
 
  private:
-  // How long the pair allows the part to last, at most `length`.
+  // How long the pair allows the substep to last, at most `length`.
   double examine(FastPair& pair, double length, double shortest_contact) const {
     Shape shape[2];
     Pose pose[2];
@@ -130,24 +130,24 @@ class ImpactSearch {
 
 }  // namespace
 
-Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
-                        const std::vector<double>& acceleration,
-                        const std::vector<ConstraintInput>& constraints,
-                        const std::vector<ContactInput>& contacts, const StepClock& clock) {
+Substep substep_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
+                              const std::vector<double>& acceleration,
+                              const std::vector<ConstraintInput>& constraints,
+                              const std::vector<ContactInput>& contacts, const StepClock& clock) {
   const int cuts_left = kMaxCuts - clock.cuts;
-  Part part;
-  part.length = clock.length;
-  if (contacts.empty()) return part;
+  Substep substep;
+  substep.length = clock.length;
+  if (contacts.empty()) return substep;
   FastPairs fast(model, data, memory, acceleration, clock.whole, clock.length);
   fast.find(contacts);
-  if (fast.pairs.empty()) return part;
+  if (fast.pairs.empty()) return substep;
   ImpactSearch search(model, data, clock.length, fast);
-  const double length = search.find_part(cuts_left);
-  part.impact = search.pairs_in_touch();
-  if (cuts_left == 0) return part;
-  part.length = length;
-  part.apart = search.pairs_apart(constraints, contacts);
-  return part;
+  const double length = search.find_length(cuts_left);
+  substep.impact = search.pairs_in_touch();
+  if (cuts_left == 0) return substep;
+  substep.length = length;
+  substep.apart = search.pairs_apart(constraints, contacts);
+  return substep;
 }
 
 void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts) {

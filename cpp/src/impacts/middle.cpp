@@ -10,7 +10,7 @@ namespace dashpot {
 
 namespace {
 
-// Of a rigid contact under impact: sqrt(k / m) in units of the inverse length of the part, as it
+// Of a rigid contact under impact: sqrt(k / m) in units of the inverse length of the substep, as it
 // begins and the largest that no more than 64 micro-steps resolve; and its largest damping ratio,
 // of restitution 0.01, for stiffness gives way to its square.
 constexpr double kImpactRate = 3.5;
@@ -18,9 +18,9 @@ constexpr double kResolvedRate = 7.0;
 constexpr double kLargestRatio = 5.0;
 
 // Turns a rigid material into the spring of an impact, seen by a contact of apparent inverse mass w
-// (1/kg) in a part of `length` (s): undamped contact would last pi sqrt(m / k) = 0.9 of the part. A
-// contact that is compressed with `stiffness` (N/m, 0 for none) keeps it as far as micro-steps of
-// the part resolve it.
+// (1/kg) in a substep of `length` (s): undamped contact would last pi sqrt(m / k) = 0.9 of the
+// substep. A contact that is compressed with `stiffness` (N/m, 0 for none) keeps it as far as
+// micro-steps of the substep resolve it.
 void make_impact_spring(Material& material, double inverse_mass, double length, double stiffness) {
   if (inverse_mass == 0.0) return;
   // N s/m of its own, beside a ratio; at unit stiffness and mass damping is twice its ratio.

@@ -39,18 +39,18 @@ void ContactMatching::find(const Memory& memory, const std::vector<ContactInput>
     nearest_[index] = Nearest();
     if (input.gap < 0.0 || hit) nearest_[index] = nearest_contact(memory, input);
   });
-  bool any_at_seam = false;
+  bool any_at_internal_edge = false;
   for (int index = 0; index < groups; ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact) continue;
     const ContactInput& input = contacts[c.input];
-    any_at_seam = any_at_seam || input.is_at_seam();
+    any_at_internal_edge = any_at_internal_edge || input.is_at_internal_edge();
     const int nearest = nearest_[index].slot;
     if (nearest < 0) continue;
     if (input.gap >= 0.0 && input.gap >= memory.parted_hit(nearest)) continue;
     inherit(memory, contacts, rows, index, matches);
   }
-  if (any_at_seam) match_at_seams(memory, contacts, rows, matches);
+  if (any_at_internal_edge) match_at_internal_edges(memory, contacts, rows, matches);
 }
 
 // The nearest remembered point of the pair to which no other contact is nearer, -1 if there is
@@ -89,14 +89,14 @@ void ContactMatching::inherit(const Memory& memory, const std::vector<ContactInp
 }
 
 // What a geom rolls on to remembers what it left, by the place on that geom, geom 1 of both.
-void ContactMatching::match_at_seams(const Memory& memory,
-                                     const std::vector<ContactInput>& contacts, const Rows& rows,
-                                     std::vector<Match>& matches) {
+void ContactMatching::match_at_internal_edges(const Memory& memory,
+                                              const std::vector<ContactInput>& contacts,
+                                              const Rows& rows, std::vector<Match>& matches) {
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact || matches[index].nearest >= 0) continue;
     const ContactInput& input = contacts[c.input];
-    if (!input.is_at_seam() || input.gap >= 0.0) continue;
+    if (!input.is_at_internal_edge() || input.gap >= 0.0) continue;
     int& nearest = matches[index].nearest;
     double least = std::numeric_limits<double>::infinity();
     const auto visit = [&](int slot) {
@@ -107,7 +107,7 @@ void ContactMatching::match_at_seams(const Memory& memory,
       least = away;
       nearest = slot;
     };
-    for (int other : input.takes_over)
+    for (int other : input.ghosts)
       if (other >= 0) slots_.for_each(pair_key(input.geom[0], other), visit);
     if (nearest >= 0) heir_[nearest] = static_cast<int>(index);
   }

@@ -271,7 +271,7 @@ double CoupledSum::take_bound(const Trees& trees, int tree, Room& room) {
   return result;
 }
 
-double CoupledSum::hand_over(const Trees& trees, int tree, CoupledSum& to, Room& room) {
+double CoupledSum::replace(const Trees& trees, int tree, CoupledSum& to, Room& room) {
   const double result = bound(trees, tree, room);
   if (empty_[tree]) return result;
   to.empty_[tree] = 0;

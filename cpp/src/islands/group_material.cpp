@@ -6,8 +6,8 @@
 #include <stdexcept>
 
 #include "dashpot/law/solref.hpp"
-#include "dashpot/mujoco/names.hpp"
-#include "dashpot/mujoco/properties.hpp"
+#include "dashpot/model/errors.hpp"
+#include "dashpot/model/properties.hpp"
 
 namespace dashpot {
 

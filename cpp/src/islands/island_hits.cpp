@@ -136,12 +136,12 @@ void find_hits(const StepView& step, const Rows& rows, const std::vector<Island>
     const bool alone =
         count == 1 || (count == 2 && rows.group[*island.group.first].is_end_of_range);
     if (!island.has_few_groups()) continue;
-    const bool lone_pair = hits.is_of_two_trees(island);
+    const bool isolated_pair = hits.is_of_two_trees(island);
     for (int index : island.group) {
-      data.is_of_lone_pair[index] = lone_pair;
-      data.hit[index] = hits.is_hit(index, alone)          ? Hit::kNow
-                        : lone_pair && hits.goes_on(index) ? Hit::kBefore
-                                                           : Hit::kNone;
+      data.is_of_isolated_pair[index] = isolated_pair;
+      data.hit[index] = hits.is_hit(index, alone)              ? Hit::kNow
+                        : isolated_pair && hits.goes_on(index) ? Hit::kBefore
+                                                               : Hit::kNone;
     }
   }
 }

@@ -88,7 +88,7 @@ HitMicrosteps microsteps_of_hit(int of_step, const Options& options) {
 
 void Islands::plan(Rows& rows, const Trees& trees, const MicrostepDemand& demand, Team& team) {
   const std::vector<GroupMaterial>& materials = demand.materials;
-  const std::vector<SagTime>& sag_time = demand.sag_time;
+  const std::vector<DeflectionTime>& deflection_time = demand.deflection_time;
   bounds_.assign(trees.tree.size(), TreeBounds{});
   for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_normal_, &rigid_friction_})
     sum->reset(trees);
@@ -112,7 +112,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const MicrostepDemand& demand
       const RowGroup& c = rows.group[index];
       if (!materials[index].has_si_stiffness())
         rigid_longest_[index] = dashpot::longest_rigid_microstep(
-            rows, c, materials[index], rigid_coupling(c), sag_time[c.first_of_pair]);
+            rows, c, materials[index], rigid_coupling(c), deflection_time[c.first_of_pair]);
     });
   }
   resolves_.resize(islands_.size());
@@ -136,9 +136,9 @@ void Islands::plan(Rows& rows, const Trees& trees, const MicrostepDemand& demand
     const Island& island = islands_[island_at_[at]];
     lowered_[at] = false;
     if (resolves_[island_at_[at]] && materials[index].has_si_stiffness()) return;
-    lowered_[at] =
-        !fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), sag_time[c.first_of_pair],
-                         {island.duration, island.rigid_duration, island.hit});
+    lowered_[at] = !fill_rigid_rows(rows, c, materials[index], rigid_coupling(c),
+                                    deflection_time[c.first_of_pair],
+                                    {island.duration, island.rigid_duration, island.hit});
   });
   for (int at = 0; at < count; ++at)
     if (lowered_[at]) islands_[island_at_[at]].clipped += rows.group[group_order_[at]].dim;
@@ -160,7 +160,7 @@ bool Islands::choose_microsteps(Island& island, const MicrostepDemand& demand) {
   if (island.hit) {
     HitMicrosteps of_hit = microsteps_of_hit(of_step, options);
     // What rests on others would sink in.
-    if (!demand.data.is_of_lone_pair[*island.group.first]) of_hit.stiff_for = of_step;
+    if (!demand.data.is_of_isolated_pair[*island.group.first]) of_hit.stiff_for = of_step;
     island.rigid_duration = step / of_hit.stiff_for;
     island.microsteps = part == step ? of_hit.count : rounded_up(part / step * of_hit.count);
     enough_for_friction = of_hit.count >= 2.0 * of_hit.stiff_for;
@@ -221,7 +221,7 @@ void Islands::take_bounds(int tree, const Trees& trees, CoupledSum::Room& room) 
     b.coupling = {all, all, all};
     return;
   }
-  const double normal = rigid_normal_.hand_over(trees, tree, rigid_friction_, room);
+  const double normal = rigid_normal_.replace(trees, tree, rigid_friction_, room);
   b.rigid = rigid_friction_.take_bound(trees, tree, room);
   b.coupling = split_coupling(b.rigid / b.rigid_share(), normal / b.rigid_share());
 }

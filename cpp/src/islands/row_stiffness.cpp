@@ -122,12 +122,12 @@ double beyond_critical(const RowGroup& c, const GroupMaterial& given) {
 }
 
 // Of a contact between two trees with the parts w_1 and w_2 of its inverse mass, the weight of the
-// heavier accelerates the lighter by a = g max(w_1, w_2) / min(w_1, w_2). `sag_time` is that of g;
-// the result is that of a.
-double loaded_sag_time(const Rows& rows, const RowGroup& c, double sag_time) {
+// heavier accelerates the lighter by a = g max(w_1, w_2) / min(w_1, w_2). `deflection_time` is that
+// of g; the result is that of a.
+double loaded_deflection_time(const Rows& rows, const RowGroup& c, double deflection_time) {
   const auto [heavy, light] =
       std::minmax(rows.tree_inverse_mass[c.row][0], rows.tree_inverse_mass[c.row][1]);
-  return heavy > 0.0 ? sag_time * std::sqrt(heavy / light) : sag_time;
+  return heavy > 0.0 ? deflection_time * std::sqrt(heavy / light) : deflection_time;
 }
 
 // delta of rigid rows whose coupled damping has the bound c, times h, see below.
@@ -147,23 +147,23 @@ double stiffness_for_damper(const Rates& asked, double own_damping, double most_
 // Longest micro-step that resolves the rates of a model's own solref: no shorter than that of a
 // rigid contact, unless this resolves the spring and the damper of what is pressed between others
 // alone asks for more.
-double longest_solref_microstep(const Rates& asked, const RigidCoupling& coupling,
-                                bool pressed_between, double rigid) {
+double longest_solref_microstep(const Rates& asked, const RigidCoupling& coupling, bool is_clamped,
+                                double rigid) {
   double of_stiffness = std::numeric_limits<double>::infinity(), of_damping = of_stiffness;
   if (asked.stiffness > 0.0)
     of_stiffness = std::sqrt(stiffest_rigid(coupling.stiffness) / asked.stiffness);
   if (asked.damping > 0.0) of_damping = most_damped_rigid(coupling.normal_damping) / asked.damping;
-  if (pressed_between && of_stiffness >= rigid) return std::min(of_stiffness, of_damping);
+  if (is_clamped && of_stiffness >= rigid) return std::min(of_stiffness, of_damping);
   return std::max(rigid, std::min(of_stiffness, of_damping));
 }
 
 // Longest micro-step in which a rigid material's restitution leaves the stiffness that weights
 // need.
 double longest_inelastic_microstep(const RowGroup& c, const Material& material,
-                                   const RigidCoupling& coupling, double sag_time) {
+                                   const RigidCoupling& coupling, double deflection_time) {
   const double zeta = inelastic_ratio(c, material) / std::sqrt(c.tied);
   if (zeta == 0.0) return std::numeric_limits<double>::infinity();
-  return most_damped_rigid(coupling.normal_damping) * sag_time *
+  return most_damped_rigid(coupling.normal_damping) * deflection_time *
          std::sqrt(kInelasticSag / kRigidSag) / (2.0 * zeta);
 }
 
@@ -250,7 +250,7 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
 }
 
 bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
-                     const RigidCoupling& coupling, const SagTime& sag_time,
+                     const RigidCoupling& coupling, const DeflectionTime& deflection_time,
                      const RigidMicrostep& microstep) {
   const Material& material = given.material;
   const double w = normal_inverse_mass(rows, c);
@@ -285,8 +285,9 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
     if (zeta > 0.0 || c.tied < 1.0) {
       const RowGroup& first = rows.group[c.first_of_pair];
       const double bearing =
-          kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, first, sag_time.weight), 2);
-      const double holding = 1.0 / std::pow(sag_time.dry_friction, 2);
+          kRigidSag / kInelasticSag /
+          std::pow(loaded_deflection_time(rows, first, deflection_time.weight), 2);
+      const double holding = 1.0 / std::pow(deflection_time.dry_friction, 2);
       const double tied = softened_by_ties(c) * kappa;
       const double damped = zeta > 0.0 ? std::pow(most_damped / (2.0 * zeta), 2) : tied;
       // What is tied rests on its full stiffness once it is no longer thrown.
@@ -305,18 +306,20 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
 }
 
 double longest_rigid_microstep(const Rows& rows, const RowGroup& c, const GroupMaterial& given,
-                               const RigidCoupling& coupling, const SagTime& sag_time) {
+                               const RigidCoupling& coupling,
+                               const DeflectionTime& deflection_time) {
   double longest = kRigidMicrostep;
-  const double sag = loaded_sag_time(rows, c, sag_time.weight);
+  const double sag = loaded_deflection_time(rows, c, deflection_time.weight);
   // h^2 <= kappa h^2 sag / a
   if (c.tree[0] >= 0 && c.tree[1] >= 0)
-    longest = std::min(longest, std::max(std::min(sag, sag_time.dry_friction), sag_time.load) *
-                                    std::sqrt(stiffest_rigid(coupling.stiffness)));
+    longest = std::min(longest,
+                       std::max(std::min(sag, deflection_time.dry_friction), deflection_time.load) *
+                           std::sqrt(stiffest_rigid(coupling.stiffness)));
   if (keeps_restitution(given))
     longest = std::min(longest, longest_inelastic_microstep(c, given.material, coupling, sag));
   if (given.from_solref)
-    longest = longest_solref_microstep(given_rates(rows, c, given), coupling, given.pressed_between,
-                                       longest);
+    longest =
+        longest_solref_microstep(given_rates(rows, c, given), coupling, given.is_clamped, longest);
   return longest;
 }
 

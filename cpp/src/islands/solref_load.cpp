@@ -85,8 +85,9 @@ void read_solref_at_position(const StepView& step, const AlignedDoubles& velocit
 
 }  // namespace
 
-void read_solref_at_load(const StepView& step, const AlignedDoubles& velocity, Rows& rows,
+bool read_solref_at_load(const StepView& step, const AlignedDoubles& velocity, Rows& rows,
                          std::vector<GroupMaterial>& materials) {
+  bool any = false;  // contact
   const double following = -std::expm1(-step.length / kFollowing);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     RowGroup& c = rows.group[i];
@@ -97,6 +98,7 @@ void read_solref_at_load(const StepView& step, const AlignedDoubles& velocity, R
         read_solref_at_position(step, velocity, i, rows, materials);
       continue;
     }
+    any = true;
     const ContactInput& input = step.contacts[c.input];
     const double weight = given.load, least = kLeastPart * weight;
     const double typical = rows.typical_inverse_mass[c.row];
@@ -125,6 +127,7 @@ void read_solref_at_load(const StepView& step, const AlignedDoubles& velocity, R
       given.own_damping = std::min(given.own_damping, at_weight.own_damping);
     }
   }
+  return any;
 }
 
 }  // namespace dashpot

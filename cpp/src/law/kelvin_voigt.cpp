@@ -173,6 +173,92 @@ NextContact next_contact(const KelvinVoigt& c, double g, double u, double b, dou
   return next;
 }
 
+// A contact on its way through an interval, phase by phase.
+struct Passage {
+  const KelvinVoigt& contact;
+  double b, time, remaining, g, u;
+  double force = 0.0;  // at the start of a phase; if released, what the spring-damper would have
+  bool in_contact = false;
+  Flow flow{};
+
+  void begin() {
+    const double k = contact.stiffness, d = contact.damping;
+    if (g < 0.0) {
+      force = -k * g - d * u;
+      const double f1 = -(k * u + d * b);
+      in_contact = force > 0.0 || (force == 0.0 && (f1 > 0.0 || (f1 == 0.0 && k * b < 0.0)));
+    } else if (g == 0.0 && (u < 0.0 || (u == 0.0 && b < 0.0))) {
+      force = -d * u;
+      in_contact = true;
+    }
+  }
+
+  // Under a pressing load a contact of damping ratio <= 1 lasts at least 2/sqrt(w k) from onset and
+  // pi/sqrt(w k) from a re-contact; one of larger damping ratio rebounds slower than exp(-2) times
+  // its approach and rests after at most 710 rebounds even if its speed spans the whole range of
+  // double. Under a pulling load or none contact never returns. A rebound makes three events.
+  int max_events() const {
+    const double square = contact.inverse_mass * contact.stiffness;
+    return static_cast<int>(std::min(1e9, 3.0 * (712.0 + 0.5 * std::sqrt(square) * time)));
+  }
+
+  // In contact, until it is released; true at the end of the interval. `given`: propagate() over
+  // all that remains.
+  bool press(const Propagator* given) {
+    flow.touched = true;
+    const ContactPhase phase(contact, u, b, force);
+    Propagator e = given ? *given : propagate(contact, remaining);
+    const double force_at_end = phase.force(e);
+    double duration = remaining;
+    bool released = false;
+    if (!holds(phase, e, remaining, force_at_end) && flow.events < max_events()) {
+      const double release = first_release(phase, contact, remaining, force_at_end);
+      if (release <= remaining) {
+        released = true;
+        duration = release;
+        e = propagate(contact, duration);
+      }
+    }
+    const double p = std::max(0.0, phase.impulse(e));
+    const double r = std::max(0.0, phase.moment(e));
+    flow.moment += flow.impulse * duration + r;
+    flow.impulse += p;
+    const double end_gap = gap_after(contact, e, g, u, b);
+    u = rate_after(contact, e, g, u, b);
+    g = end_gap;
+    remaining -= duration;
+    force = 0.0;
+    in_contact = false;
+    if (released)
+      ++flow.events;
+    else
+      flow.force = std::max(0.0, force_at_end);
+    return !released;
+  }
+
+  // Apart, or in overlap without force, until contact begins.
+  bool fly() {
+    const NextContact next = next_contact(contact, g, u, b, force);
+    const bool ends = !(next.time < remaining) || flow.events >= max_events();
+    const double duration = ends ? remaining : next.time;
+    flow.moment += flow.impulse * duration;
+    if (!ends && next.onset) {
+      g = 0.0;
+      u = -next.speed;
+      force = contact.damping * next.speed;
+    } else {
+      g += duration * (u + 0.5 * b * duration);
+      u += b * duration;
+      force = 0.0;
+    }
+    if (ends) return true;
+    remaining -= duration;
+    ++flow.events;
+    in_contact = true;
+    return false;
+  }
+};
+
 }  // namespace
 
 Flow flow_spring(const KelvinVoigt& spring, double displacement, double rate, double load,
@@ -192,88 +278,12 @@ Flow flow_spring(const KelvinVoigt& spring, double displacement, double rate, do
 
 Flow flow_contact(const KelvinVoigt& contact, double gap, double rate, double load, double time,
                   const Propagator* propagator) {
-  const double k = contact.stiffness, d = contact.damping, w = contact.inverse_mass;
-  const double b = load;
-  double g = gap, u = rate, remaining = time;
-
-  double force = 0.0;  // at the start of a phase; if released, what the spring-damper would have
-  bool in_contact = false;
-  if (g < 0.0) {
-    force = -k * g - d * u;
-    const double f1 = -(k * u + d * b);
-    in_contact = force > 0.0 || (force == 0.0 && (f1 > 0.0 || (f1 == 0.0 && k * b < 0.0)));
-  } else if (g == 0.0 && (u < 0.0 || (u == 0.0 && b < 0.0))) {
-    force = -d * u;
-    in_contact = true;
-  }
-
-  Flow flow;
-  // Under a pressing load a contact of damping ratio <= 1 lasts at least 2/sqrt(w k) from onset and
-  // pi/sqrt(w k) from a re-contact; one of larger damping ratio rebounds slower than exp(-2) times
-  // its approach and rests after at most 710 rebounds even if its speed spans the whole range of
-  // double. Under a pulling load or none contact never returns. A rebound makes three events.
-  const auto max_events = [&] {
-    return static_cast<int>(std::min(1e9, 3.0 * (712.0 + 0.5 * std::sqrt(w * k) * time)));
-  };
-  const Propagator* given = propagator;
-  while (true) {
-    if (in_contact) {
-      flow.touched = true;
-      const ContactPhase phase(contact, u, b, force);
-      Propagator e = given ? *given : propagate(contact, remaining);
-      const double force_at_end = phase.force(e);
-      double duration = remaining;
-      bool released = false;
-      if (!holds(phase, e, remaining, force_at_end) && flow.events < max_events()) {
-        const double release = first_release(phase, contact, remaining, force_at_end);
-        if (release <= remaining) {
-          released = true;
-          duration = release;
-          e = propagate(contact, duration);
-        }
-      }
-      const double p = std::max(0.0, phase.impulse(e));
-      const double r = std::max(0.0, phase.moment(e));
-      flow.moment += flow.impulse * duration + r;
-      flow.impulse += p;
-      const double end_gap = gap_after(contact, e, g, u, b);
-      u = rate_after(contact, e, g, u, b);
-      g = end_gap;
-      remaining -= duration;
-      if (!released) {
-        flow.force = std::max(0.0, force_at_end);
-        break;
-      }
-      ++flow.events;
-      in_contact = false;
-      force = 0.0;
-    } else {
-      const NextContact next = next_contact(contact, g, u, b, force);
-      if (!(next.time < remaining) || flow.events >= max_events()) {
-        flow.moment += flow.impulse * remaining;
-        g += remaining * (u + 0.5 * b * remaining);
-        u += b * remaining;
-        break;
-      }
-      flow.moment += flow.impulse * next.time;
-      if (next.onset) {
-        g = 0.0;
-        u = -next.speed;
-        force = d * next.speed;
-      } else {
-        g += next.time * (u + 0.5 * b * next.time);
-        u += b * next.time;
-        force = 0.0;
-      }
-      remaining -= next.time;
-      ++flow.events;
-      in_contact = true;
-    }
-    given = nullptr;
-  }
-  flow.gap = g;
-  flow.rate = u;
-  return flow;
+  Passage passage{contact, load, time, time, gap, rate};
+  passage.begin();
+  while (!(passage.in_contact ? passage.press(propagator) : passage.fly())) propagator = nullptr;
+  passage.flow.gap = passage.g;
+  passage.flow.rate = passage.u;
+  return passage.flow;
 }
 
 }  // namespace dashpot

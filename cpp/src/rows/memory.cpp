@@ -38,7 +38,7 @@ bool is_integer(double value, int least, int most) {
 }
 
 // By how much a spring is deformed beyond its position, deformation - offset, of the same sign.
-double slack(double deformation, double offset) {
+double preload(double deformation, double offset) {
   const bool beyond = deformation * offset > 0.0 && std::abs(offset) <= std::abs(deformation);
   return beyond ? std::abs(offset) : 0.0;
 }
@@ -183,21 +183,14 @@ void Memory::set_ledger(const EnergyLedger& ledger) {
 
 void Memory::remember(const std::vector<ContactInput>& contacts,
                       const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                      const RowData& data, const MarkedRows& sleeping, Team& team) {
+                      const RowData& data, const std::vector<int>& compressed,
+                      const MarkedRows& sleeping, Team& team) {
   forget_constraints(sleeping);
   const int asleep = gather(sleeping);
-  thread_local std::vector<int> kept;  // by the thread: no allocation in a step
-  kept.resize(rows.group.size());
-  int* const compressed = kept.data();
-  int count = 0;
-  for (size_t index = 0; index < rows.group.size(); ++index) {
-    const RowGroup& c = rows.group[index];
-    if (c.kind != RowKind::kContact)
-      remember(constraints[c.input], rows, static_cast<int>(index), data);
-    else if (data.deformation[c.row] < 0.0)
-      compressed[count++] = static_cast<int>(index);
-  }
-  team.for_each(count, kContactsAtOnce, [=, &contacts, &rows, &data](int slot) {
+  for (size_t i = 0; i < constraints.size(); ++i)
+    remember(constraints[i], rows, static_cast<int>(i), data);
+  int count = static_cast<int>(compressed.size());
+  team.for_each(count, kContactsAtOnce, [=, &contacts, &rows, &data, &compressed](int slot) {
     remember(contacts[rows.group[compressed[slot]].input], rows, compressed[slot], data,
              asleep + slot);
   });
@@ -217,10 +210,10 @@ void Memory::remember(const ConstraintInput& input, const Rows& rows, int index,
   slot.stiffness = rows.stiffness[c.row];
   if (!separated) {
     slot.deformation = data.deformation[c.row];
-    slot.credit = data.credit[index];
+    slot.energy_tank = data.energy_tank[index];
     slot.beyond = data.beyond[index];
   }
-  if (c.kind != RowKind::kSlider) slot.slack = slack(slot.deformation, data.offset[index]);
+  if (c.kind != RowKind::kSlider) slot.preload = preload(slot.deformation, data.unstressed[index]);
   std::memcpy(constraint_storage() + kConstraintSize * input.memory, &slot, sizeof(slot));
 }
 
@@ -238,7 +231,7 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
   slot.sticking = data.sticking[index];
   slot.compression = -s[0];
   slot.stiffness = k[0];
-  slot.slack = slack(s[0], data.offset[index]);
+  slot.preload = preload(s[0], data.unstressed[index]);
   if (c.dim > 1) {
     tangent_to_local(s[1], s[2], input, slot.slide);
     slot.slide_stiffness = k[more_mobile(rows, c, 1)];
@@ -251,10 +244,12 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
     tangent_to_local(s[4], s[5], input, slot.roll);
     slot.roll_stiffness = k[more_mobile(rows, c, 4)];
   }
-  slot.credit = data.credit[index];
+  slot.energy_tank = data.energy_tank[index];
   const double change = data.total_impulse[c.row] * rows.inverse_mass[c.row];  // m/s
   const bool comes = input.gap > 0.0 && change > kHitSpeed * rows.metre;
-  const Hit hit = !data.is_of_lone_pair[index] ? Hit::kNone : comes ? Hit::kNow : data.hit[index];
+  const Hit hit = !data.is_of_isolated_pair[index] ? Hit::kNone
+                  : comes                          ? Hit::kNow
+                                                   : data.hit[index];
   slot.hit = static_cast<double>(hit);
   slot.turning = turn_of_normal(c);
   slot.solref = c.solref;

@@ -7,7 +7,7 @@
 #include "dashpot/law/constants.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
-#include "dashpot/rows/spring_places.hpp"
+#include "spring_places.hpp"
 
 namespace dashpot {
 
@@ -37,14 +37,14 @@ double along(const double* local, const std::array<double, 9>& rotation, const d
 double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 // Factor on what a row remembers of a deformation under another stiffness. The force goes on,
-// F = k x. A rising stiffness takes energy, F^2 / (2 k), which goes to `credit` (J); a falling one
-// may add what that has and what the apparent mass has at the recovery speed, v^2 / (2 w), but no
-// more: there the force falls. Loads at rest stay carried, a load beyond what rows may add does not
-// lose force each time that the stiffness falls and rises, and stiffness that changes with the
+// F = k x. A rising stiffness takes energy, F^2 / (2 k), which goes to `energy_tank` (J); a falling
+// one may add what that has and what the apparent mass has at the recovery speed, v^2 / (2 w), but
+// no more: there the force falls. Loads at rest stay carried, a load beyond what rows may add does
+// not lose force each time that the stiffness falls and rises, and stiffness that changes with the
 // configuration cannot pump a mechanism. The spring of what is hit keeps its energy: it must not
 // lose what it is about to give back.
 double recall_scale(double deformation, double old_stiffness, const Rows& rows, int row,
-                    double recovery_speed, bool hit, double& credit) {
+                    double recovery_speed, bool hit, double& energy_tank) {
   if (deformation == 0.0) return 0.0;
   const double k = rows.stiffness[row];
   if (k == 0.0) return 1.0;  // a dashpot alone: neither force nor energy
@@ -55,15 +55,15 @@ double recall_scale(double deformation, double old_stiffness, const Rows& rows, 
   const auto added_by = [&](double scale) { return stored * (scale * scale / same_force - 1.0); };
   if (hit) return std::sqrt(same_force);
   if (same_force <= 1.0) {
-    credit -= added_by(same_force);
+    energy_tank -= added_by(same_force);
     return same_force;
   }
   const double w = std::max(rows.inverse_mass[row], rows.typical_inverse_mass[row]);
   const double allowed =
       w > 0.0 ? recovery_speed / (std::sqrt(k * w) * std::abs(deformation)) : same_force;
-  const double covered = std::sqrt(same_force * (1.0 + credit / stored));
+  const double covered = std::sqrt(same_force * (1.0 + energy_tank / stored));
   const double scale = std::min(same_force, std::max(allowed, covered));
-  credit = std::max(0.0, credit - added_by(scale));
+  energy_tank = std::max(0.0, energy_tank - added_by(scale));
   return scale;
 }
 
@@ -84,7 +84,7 @@ bool is_elastic(const Rows& rows, const RowGroup& c) {
 }
 
 // RowData::drift of a contact that turns on as before, a little faster or slower
-// (detection/turning.hpp). What goes from one corner to the next, or turns by a radian in a step,
+// (detect/turning.hpp). What goes from one corner to the next, or turns by a radian in a step,
 // turns anew.
 double drift_of(const RememberedContact& old, const RowGroup& c, double length) {
   const bool in_middle = std::abs(c.ahead - 0.5 * length) <= kMiddle * length;
@@ -94,25 +94,26 @@ double drift_of(const RememberedContact& old, const RowGroup& c, double length) 
   return in_middle && goes_on ? 0.125 * length * change : 0.0;
 }
 
-// Rigid contacts keep their slack, for their stiffness goes on changing. What is hit keeps all that
-// its spring stores, also where the geometry, frozen in the step before, turns out to be less deep.
+// Rigid contacts keep their preload, for their stiffness goes on changing. What is hit keeps all
+// that its spring stores, also where the geometry, frozen in the step before, turns out to be less
+// deep.
 double recalled_deformation(const RememberedContact& old, const ContactInput& input,
                             const Rows& rows, const RowGroup& c, double recovery_speed,
-                            double length, bool hit, double& credit) {
+                            double length, bool hit, double& energy_tank) {
   const double recovered = c.soft_load > 0.0 ? recovery_speed * length : 0.0;
   const double compression =
       hit ? old.compression
-          : std::min(old.compression, std::max(old.slack - recovered, 0.0) - input.gap);
+          : std::min(old.compression, std::max(old.preload - recovered, 0.0) - input.gap);
   return -compression *
-         recall_scale(compression, old.stiffness, rows, c.row, recovery_speed, hit, credit);
+         recall_scale(compression, old.stiffness, rows, c.row, recovery_speed, hit, energy_tank);
 }
 
 void recall_friction(const RememberedContact& old, const ContactInput& input, const Rows& rows,
-                     const RowGroup& c, double recovery_speed, bool hit, double& credit,
+                     const RowGroup& c, double recovery_speed, bool hit, double& energy_tank,
                      RowData& data) {
   double* deformation = data.deformation.data() + c.row;
   const auto scale_of = [&](double remembered, double stiffness, int i) {
-    return recall_scale(remembered, stiffness, rows, c.row + i, recovery_speed, hit, credit);
+    return recall_scale(remembered, stiffness, rows, c.row + i, recovery_speed, hit, energy_tank);
   };
   // Of rows i and i + 1, along the two tangents.
   const auto recall_tangents = [&](const double* vector, double stiffness, int i) {
@@ -147,16 +148,15 @@ bool is_soft_equality(const ConstraintInput& input, const Rows& rows, const RowG
 void recall_constraints(const StepView& step, const Rows& rows, double recovery_speed,
                         RowData& data) {
   double part = 1.0;
-  for (size_t index = 0; index < rows.group.size(); ++index) {
+  for (size_t index = 0; index < step.constraints.size(); ++index) {
     const RowGroup& c = rows.group[index];
-    if (c.kind == RowKind::kContact) continue;
-    const ConstraintInput& input = step.constraints[c.input];
+    const ConstraintInput& input = step.constraints[index];
     if (input.memory < 0) continue;
     const RememberedConstraint old = step.memory.constraint(input.memory);
-    data.credit[index] = old.credit;
+    data.energy_tank[index] = old.energy_tank;
     const auto rescaled = [&](double deformation) {
       return deformation * recall_scale(deformation, old.stiffness, rows, c.row, recovery_speed,
-                                        false, data.credit[index]);
+                                        false, data.energy_tank[index]);
     };
     double& deformation = data.deformation[c.row];
     if (c.kind == RowKind::kSlider) {
@@ -166,7 +166,7 @@ void recall_constraints(const StepView& step, const Rows& rows, double recovery_
     const SpringPlace place = place_of_spring(input, rows, c);
     deformation = place.position;
     if (input.together > 0 && grows_stiffer(step, rows, index))
-      part = part_of_places(step, rows, index, data.credit[index]);
+      part = part_of_places(step, rows, index, data.energy_tank[index]);
     const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
     if (separated || std::isinf(recovery_speed)) continue;
     // The spring keeps what it remembers, at most what the position says, of the same sign.
@@ -184,9 +184,9 @@ void recall_constraints(const StepView& step, const Rows& rows, double recovery_
       deformation = 0.0;
     else
       deformation = rescaled(
-          std::copysign(std::min(std::abs(old.deformation), std::abs(input.position) + old.slack),
+          std::copysign(std::min(std::abs(old.deformation), std::abs(input.position) + old.preload),
                         input.position));
-    data.offset[index] = deformation - place.position;
+    data.unstressed[index] = deformation - place.position;
   }
 }
 
@@ -212,25 +212,25 @@ void recall_contacts(const StepView& step, const Rows& rows, double recovery_spe
     if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
     const RememberedContact old = nearest < 0 ? RememberedContact{} : step.memory.contact(nearest);
     const double force = old.stiffness * old.compression;
-    const bool alone = data.is_of_lone_pair[index];
+    const bool alone = data.is_of_isolated_pair[index];
     const bool hit_now = alone && data.hit[index] != Hit::kNone;
     const bool hit_before = old.was_hit() && (alone || is_elastic(rows, c));
-    // In a cluster a neighbour that is hit, too, or a part of a step that is short, makes it
+    // In a cluster a neighbour that is hit, too, or a substep that is short, makes it
     // stiffer.
     const bool stiffens = is_elastic(rows, c) && rows.stiffness[c.row] > old.stiffness;
     const bool hit =
         (hit_now || hit_before || stiffens) && goes_on_as_hit(force, rows, c, step.length, data);
     if (input.gap >= 0.0 && !hit) return;
-    double& credit = data.credit[index];
-    credit = old.credit;
+    double& energy_tank = data.energy_tank[index];
+    energy_tank = old.energy_tank;
     if (!std::isinf(recovery_speed)) {
-      data.deformation[c.row] =
-          nearest < 0
-              ? first_deformation(step.memory, input, rows, c, recovery_speed)
-              : recalled_deformation(old, input, rows, c, recovery_speed, step.length, hit, credit);
-      data.offset[index] = data.deformation[c.row] - input.gap;
+      data.deformation[c.row] = nearest < 0
+                                    ? first_deformation(step.memory, input, rows, c, recovery_speed)
+                                    : recalled_deformation(old, input, rows, c, recovery_speed,
+                                                           step.length, hit, energy_tank);
+      data.unstressed[index] = data.deformation[c.row] - input.gap;
     }
-    if (nearest >= 0) recall_friction(old, input, rows, c, recovery_speed, hit, credit, data);
+    if (nearest >= 0) recall_friction(old, input, rows, c, recovery_speed, hit, energy_tank, data);
   });
 }
 
@@ -270,7 +270,7 @@ void limit_compression(const StepView& step, const std::vector<std::array<int, 2
     if (pair.now <= pair.before) return;
     const double released = data.deformation[row] * (std::sqrt(pair.before / pair.now) - 1.0);
     data.deformation[row] += released;
-    data.offset[index] += released;
+    data.unstressed[index] += released;
   });
 }
 

@@ -47,18 +47,18 @@ void RowData::reset_motion(int coordinates) {
 void RowData::reset_rows(const Rows& rows) {
   for (auto* array : {&deformation, &rate, &total_impulse})
     array->assign(rows.inverse_mass.size(), 0.0);
-  for (auto* array :
-       {&offset, &credit, &beyond, &force_moment, &turning_work, &acceleration_work, &drift})
+  for (auto* array : {&unstressed, &energy_tank, &beyond, &force_moment, &turning_work,
+                      &acceleration_work, &drift})
     array->assign(rows.group.size(), 0.0);
   sticking.assign(rows.group.size(), 1);
-  for (auto* array : {&touched, &is_of_lone_pair}) array->assign(rows.group.size(), 0);
+  for (auto* array : {&touched, &is_of_isolated_pair}) array->assign(rows.group.size(), 0);
   hit.assign(rows.group.size(), Hit::kNone);
   work = recovery_input = EnergyShares{};
 }
 
 double recovery_speed_of(const Rows& rows, const RowData& data, int index, double recovery_speed) {
   const RowGroup& c = rows.group[index];
-  const bool waits = c.soft_load > 0.0 && c.solref.load == 0.0 && data.offset[index] > 0.0 &&
+  const bool waits = c.soft_load > 0.0 && c.solref.load == 0.0 && data.unstressed[index] > 0.0 &&
                      !std::isinf(recovery_speed) && is_hit_on(rows, data, c);
   return waits ? 0.0 : recovery_speed_along(rows, c, recovery_speed);
 }

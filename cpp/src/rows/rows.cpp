@@ -71,6 +71,8 @@ double joint_inverse_mass(const Rows& rows, const RowGroup& c, int index, int tr
 
 void Rows::reset(int count) {
   group.clear();
+  equality.clear();
+  on_surface.clear();
   column.clear();
   value.clear();
   weighted_column.clear();
@@ -86,6 +88,7 @@ RowGroup& Rows::append(RowKind kind, int input, int dim, std::array<int, 2> tree
   RowGroup& c = group.emplace_back();
   c.kind = kind;
   c.first_of_pair = static_cast<int>(group.size()) - 1;
+  if (kind == RowKind::kBilateral) equality.push_back(c.first_of_pair);
   c.input = input;
   c.dim = dim;
   c.row = appended;
@@ -173,6 +176,8 @@ void append_ground_motion(Rows& rows, int coordinate, const double* rate) {
   RowGroup& c = rows.group.back();
   const int width = c.width();
   c.ground = coordinate;
+  if (coordinate == kSurfaceCoordinate)
+    rows.on_surface.push_back(static_cast<int>(rows.group.size()) - 1);
   rows.column.push_back(coordinate);
   rows.value.resize(c.value + c.dim * (width + 1));
   double* value = rows.value.data() + c.value;

@@ -1,4 +1,4 @@
-#include "dashpot/rows/spring_places.hpp"
+#include "spring_places.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -28,7 +28,7 @@ bool grows_stiffer(const StepView& step, const Rows& rows, size_t first) {
                      [](const RowGroup& c) { return c.solref.load > 0.0; });
 }
 
-double part_of_places(const StepView& step, const Rows& rows, size_t first, double& credit) {
+double part_of_places(const StepView& step, const Rows& rows, size_t first, double& energy_tank) {
   double stored = 0.0, remembered = 0.0;
   for (int i = 0; i < step.constraints[rows.group[first].input].together; ++i) {
     const RowGroup& c = rows.group[first + i];
@@ -38,10 +38,10 @@ double part_of_places(const StepView& step, const Rows& rows, size_t first, doub
     stored += place_of_spring(input, rows, c).stored;
     remembered += 0.5 * old.stiffness * old.deformation * old.deformation + old.beyond;
   }
-  credit = std::min(credit, std::max(0.0, remembered)) + remembered - stored;
-  if (credit >= 0.0 || stored <= 0.0) return 1.0;
-  const double left = std::max(0.0, stored + credit);
-  credit = std::min(0.0, stored + credit);
+  energy_tank = std::min(energy_tank, std::max(0.0, remembered)) + remembered - stored;
+  if (energy_tank >= 0.0 || stored <= 0.0) return 1.0;
+  const double left = std::max(0.0, stored + energy_tank);
+  energy_tank = std::min(0.0, stored + energy_tank);
   return std::sqrt(left / stored);
 }
 

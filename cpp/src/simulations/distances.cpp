@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/mujoco/names.hpp"
-#include "dashpot/mujoco/owned.hpp"
+#include "dashpot/detect/geometry_host.hpp"
+#include "dashpot/model/errors.hpp"
+#include "dashpot/model/state.hpp"
 #include "dashpot/threads/parallel.hpp"
 
 namespace dashpot {

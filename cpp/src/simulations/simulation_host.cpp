@@ -6,13 +6,11 @@
 #include <optional>
 #include <stdexcept>
 
-#include "dashpot/engine/engine.hpp"
-#include "dashpot/mujoco/data_checks.hpp"
-#include "dashpot/mujoco/errors.hpp"
-#include "dashpot/mujoco/finite.hpp"
-#include "dashpot/mujoco/model_view.hpp"
-#include "dashpot/mujoco/owned.hpp"
+#include "dashpot/model/checks.hpp"
+#include "dashpot/model/errors.hpp"
+#include "dashpot/model/state.hpp"
 #include "dashpot/simulations/distances.hpp"
+#include "dashpot/step/engine.hpp"
 
 namespace dashpot {
 
@@ -123,8 +121,8 @@ void Simulation::step() {
     call(mj_step);
   }
   // What MuJoCo calls a bad state (mj_checkPos, mj_checkVel).
-  if (!are_within(data->qpos, model->nq, host::kLargestValue) ||
-      !are_within(data->qvel, model->nv, host::kLargestValue)) {
+  if (!host::are_within(data->qpos, model->nq, host::kLargestValue) ||
+      !host::are_within(data->qvel, model->nv, host::kLargestValue)) {
     throw std::runtime_error("the state is no longer finite, or beyond 1e10");
   }
 }

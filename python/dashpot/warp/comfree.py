@@ -1,6 +1,6 @@
 """The complementarity-free update, from its published equations (arXiv 2603.12185).
 
-As in ``cpp/include/dashpot/microsteps/comfree.hpp``, which has what follows from them: every facet
+As in ``cpp/include/dashpot/solve/comfree.hpp``, which has what follows from them: every facet
 of a contact in overlap pushes on its own, against the rate v_p predicted for the end of the step of
 length dt::
 

@@ -1,4 +1,4 @@
-"""What a group does in a micro-step, as in ``cpp/include/dashpot/microsteps/microstep.hpp``.
+"""What a group does in a micro-step, as in ``cpp/include/dashpot/solve/microstep.hpp``.
 
 A micro-step of length h, with rows u = J v::
 

@@ -5,7 +5,7 @@ knows an overlap to some ulp of the coordinates, more than what rigid contacts a
 compression that differs from the overlap by less than that goes on; of more the smaller one counts,
 and the rest recovers.
 
-Rows have the geometry of the middle of the step (``cpp/include/dashpot/detection/turning.hpp``).
+Rows have the geometry of the middle of the step (``cpp/include/dashpot/detect/turning.hpp``).
 The velocities of its start have the rates J v there, and had J' v in the middle of the last step,
 which the contact remembers. What turns between the two,
 

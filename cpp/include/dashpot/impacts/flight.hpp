@@ -12,7 +12,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-#include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/detect/geometry_host.hpp"
 #include "dashpot/rows/rows.hpp"
 
 struct mjModel_;

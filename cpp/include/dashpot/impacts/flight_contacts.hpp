@@ -16,14 +16,14 @@
 // nearest becomes the one of the impact, in the place that its two points have at the start.
 //
 // Planes have the same normal everywhere, and are left as found. So is the face of a tile for those
-// that it goes on in, whose own contacts are left out (detection/seams.hpp): a ball may fly past
-// its end, and meet the next one.
+// that it goes on in, whose own contacts are left out (detect/internal_edges.hpp): a ball may
+// fly past its end, and meet the next one.
 
 #pragma once
 
 #include <vector>
 
-#include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/detect/geometry_host.hpp"
 #include "dashpot/impacts/flight.hpp"
 #include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/rows/rows.hpp"

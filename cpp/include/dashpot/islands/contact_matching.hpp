@@ -31,8 +31,8 @@ class ContactMatching {
   Nearest nearest_contact(const Memory& memory, const ContactInput& input) const;
   void inherit(const Memory& memory, const std::vector<ContactInput>& contacts, const Rows& rows,
                int group, std::vector<Match>& matches);
-  void match_at_seams(const Memory& memory, const std::vector<ContactInput>& contacts,
-                      const Rows& rows, std::vector<Match>& matches);
+  void match_at_internal_edges(const Memory& memory, const std::vector<ContactInput>& contacts,
+                               const Rows& rows, std::vector<Match>& matches);
 
   SlotsByPair slots_;
   std::vector<Nearest> nearest_;  // by group

@@ -54,7 +54,7 @@ class CoupledSum {
   // The bound of one tree, whose sum is zero afterwards; 0 where nothing was added.
   double take_bound(const Trees& trees, int tree, Room& room);
   // The same, but what was added goes to another sum.
-  double hand_over(const Trees& trees, int tree, CoupledSum& to, Room& room);
+  double replace(const Trees& trees, int tree, CoupledSum& to, Room& room);
 
  private:
   // Rows over a sparse tree, and what they are weighted by.

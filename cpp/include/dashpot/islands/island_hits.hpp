@@ -12,11 +12,11 @@
 
 namespace dashpot {
 
-// Fills in what is hit, and lone pairs, in `data`: of islands of few groups contacts and limits
+// Fills in what is hit, and isolated pairs, in `data`: of islands of few groups contacts and limits
 // that touch in the step and are hit, or fly off. Two trees, or one and the ground, are alone where
 // nothing else disturbs their hit (hit.hpp), whatever else was found ahead. What hangs at its
-// deepest at the start of a step has no rate to tell it by: hits of lone pairs go on for one step
-// after.
+// deepest at the start of a step has no rate to tell it by: hits of isolated pairs go on for one
+// step after.
 void find_hits(const StepView& step, const Rows& rows, const std::vector<Island>& islands,
                const HitFrequency& frequency, RowData& data);
 

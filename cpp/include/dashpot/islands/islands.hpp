@@ -70,11 +70,11 @@ bool stays_apart(const Rows& rows, const Island& island, double time, const RowD
 
 // What micro-steps are planned for.
 struct MicrostepDemand {
-  const std::vector<GroupMaterial>& materials;  // per group
-  const std::vector<SagTime>& sag_time;         // per group
-  const std::vector<char>& stays_open;          // per group (open_groups.hpp)
-  const RowData& data;                          // which groups are hit
-  double part, step;                            // s, what is planned, of a step of what length
+  const std::vector<GroupMaterial>& materials;         // per group
+  const std::vector<DeflectionTime>& deflection_time;  // per group
+  const std::vector<char>& stays_open;                 // per group (inactive_contacts.hpp)
+  const RowData& data;                                 // which groups are hit
+  double part, step;  // s, what is planned, of a step of what length
   const Options& options;
 };
 

@@ -2,7 +2,7 @@
 //
 // A material in SI units gives them in N/m and N s/m. Rigid rows are as stiff as micro-steps of h
 // resolve: k = kappa / w, d = delta / w, w of normals being the mean of the contacts between two
-// bodies (pressed_together.hpp). With c the bound of the unit-weighted rows, diag(A) = 1 in
+// bodies (modal_damping.hpp). With c the bound of the unit-weighted rows, diag(A) = 1 in
 // these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
 // resolved:
 //
@@ -47,7 +47,7 @@ inline bool fits(double value, double bound) { return value <= bound * (1.0 + kR
 // In which time (s) a weight, the dry friction of joints, and the load that a contact bore in the
 // last step, move a body by the sag that a rigid contact may have, sqrt(sag / acceleration).
 // Infinite for groups that bear no weight or move no joint with friction; 0 where no load is known.
-struct SagTime {
+struct DeflectionTime {
   double weight = std::numeric_limits<double>::infinity(), dry_friction = weight, load = 0.0;
 };
 
@@ -75,7 +75,7 @@ struct RigidMicrostep {
 // Fills the rows of a rigid group, or lowers those that fill_given_rows() filled to what
 // micro-steps resolve. Returns whether nothing that was given was lowered.
 bool fill_rigid_rows(Rows& rows, const RowGroup& group, const GroupMaterial& given,
-                     const RigidCoupling& coupling, const SagTime& sag_time,
+                     const RigidCoupling& coupling, const DeflectionTime& deflection_time,
                      const RigidMicrostep& microstep);
 
 // Longest micro-step (s) at which the rows of a rigid group are stiff enough for a heavy body on a
@@ -83,6 +83,7 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& group, const GroupMaterial& giv
 // says at the stiffness that weights need. Rows of a model's own solref need not be stiffer than it
 // says.
 double longest_rigid_microstep(const Rows& rows, const RowGroup& group, const GroupMaterial& given,
-                               const RigidCoupling& coupling, const SagTime& sag_time);
+                               const RigidCoupling& coupling,
+                               const DeflectionTime& deflection_time);
 
 }  // namespace dashpot

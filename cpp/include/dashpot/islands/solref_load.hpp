@@ -36,8 +36,9 @@
 namespace dashpot {
 
 // Reads the solref of contacts that are remembered, of limits and of equalities anew. `velocity`:
-// per motion coordinate, at the start of the step.
-void read_solref_at_load(const StepView& step, const AlignedDoubles& velocity, Rows& rows,
+// per motion coordinate, at the start of the step. Returns whether any contact follows the solref
+// of the model.
+bool read_solref_at_load(const StepView& step, const AlignedDoubles& velocity, Rows& rows,
                          std::vector<GroupMaterial>& materials);
 
 }  // namespace dashpot

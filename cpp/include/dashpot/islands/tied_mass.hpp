@@ -30,7 +30,7 @@ class TiedMass {
  public:
   // Fills RowGroup::tied of the contacts and limits that move as fast as hits do, or are thrown
   // back, from the velocities in `data`; not of those on a model's own solref, which has a damping
-  // of its own. `compression`: x, by group (pressed_together.hpp).
+  // of its own. `compression`: x, by group (modal_damping.hpp).
   void find(const StepView& step, const std::vector<GroupMaterial>& materials, const Trees& trees,
             const std::vector<Island>& islands, const std::vector<double>& compression,
             const RowData& data, Rows& rows);

@@ -52,7 +52,7 @@ inline double hit_speed(const Rows& rows, const RowGroup& group) {
 inline constexpr double kHitLoads = 4.0;
 // A hit is short in a step whose length times omega is more than this: it lasts no longer than the
 // step. Longer ones go by the geometry of every step, whose errors are of second order; but those
-// of round bodies, see detection/pair_hits.hpp.
+// of round bodies, see detect/pair_hits.hpp.
 inline constexpr double kShortHit = kPi;
 inline bool is_short_hit(double stiffness, double inverse_mass, double step) {
   return stiffness * inverse_mass * step * step > kShortHit * kShortHit;

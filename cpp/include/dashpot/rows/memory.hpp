@@ -24,14 +24,14 @@ struct RememberedContact {
   double sticking;                // 1 if friction stuck in the last micro-step
   double position[2][3];          // in the frames of geom 1 and geom 2, m
   double compression, stiffness;  // m, N/m
-  double slack;                   // part of the compression beyond the overlap, m
+  double preload;                 // part of the compression beyond the overlap, m
   double slide[3], slide_stiffness;
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;
-  double credit;   // energy that rising stiffness took from these springs, J
-  double hit;      // RowData::hit, or Hit::kNow if it came to touch in that step as a hit;
-                   // Hit::kNone where its island had contacts of other trees than its two
-  double turning;  // of its normal, m/s^2, see RowGroup::turning
+  double energy_tank;  // energy that rising stiffness took from these springs, J
+  double hit;          // RowData::hit, or Hit::kNow if it came to touch in that step as a hit;
+                       // Hit::kNone where its island had contacts of other trees than its two
+  double turning;      // of its normal, m/s^2, see RowGroup::turning
   SolrefLoad solref;
 
   bool was_hit() const { return hit != static_cast<double>(Hit::kNone); }
@@ -41,8 +41,8 @@ struct RememberedContact {
 // What a limit, equality or dry-friction row remembers; zeros: nothing.
 struct RememberedConstraint {
   double deformation, stiffness;    // m and N/m, or rad and N m/rad
-  double slack;                     // part of the deformation beyond the position, m or rad
-  double credit;                    // energy that rising stiffness took from its spring, J
+  double preload;                   // part of the deformation beyond the position, m or rad
+  double energy_tank;               // energy that rising stiffness took from its spring, J
   double beyond;                    // RowData::beyond, J
   double mean_force, turning_work;  // of an equality, see Memory::equality()
 };
@@ -164,10 +164,12 @@ class Memory {
   int count(const MarkedRows& sleeping) const;
   double energy(const MarkedRows& sleeping) const;
 
-  // Replaces the memory by the deformed rows of `data`, but for what sleeps.
+  // Replaces the memory by the rows of `data` of constraints and of the contacts that are
+  // `compressed` (groups), but for what sleeps.
   void remember(const std::vector<ContactInput>& contacts,
                 const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                const RowData& data, const MarkedRows& sleeping, Team& team);
+                const RowData& data, const std::vector<int>& compressed, const MarkedRows& sleeping,
+                Team& team);
 
  private:
   void forget_constraints(const MarkedRows& sleeping);

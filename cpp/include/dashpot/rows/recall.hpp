@@ -2,20 +2,20 @@
 //
 // A contact takes the smaller of the overlap that collision reports and the compression remembered
 // at the point of the same geom pair that it goes on from (islands/contact_matching.hpp); what
-// geometry reports beyond that is an unstressed offset. Where two bodies hit each other alone, in
-// less than a step, it keeps all of its compression, also across a gap that is smaller than that:
-// frozen rows lead too deep there. Limits and equalities do the same with their position. In the
-// first step of all a contact of SI stiffness takes what its spring bears, and so does a contact or
-// limit whose solref the model sets; an equality with one does whenever nothing is remembered of
-// it, as where it is switched on. One that the steps resolve has its position for its deformation
-// in every step.
+// geometry reports beyond that is an unstressed penetration. Where two bodies hit each other alone,
+// in less than a step, it keeps all of its compression, also across a gap that is smaller than
+// that: frozen rows lead too deep there. Limits and equalities do the same with their position. In
+// the first step of all a contact of SI stiffness takes what its spring bears, and so does a
+// contact or limit whose solref the model sets; an equality with one does whenever nothing is
+// remembered of it, as where it is switched on. One that the steps resolve has its position for its
+// deformation in every step.
 //
 // Limits and equalities whose load goes by their position (islands/solref_load.hpp) are deformed by
 // what bears it, as far as they store no more than they took.
 //
 // Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
 // deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
-// being kept for a falling one; what that puts beyond the position is slack. Rigid rows keep it
+// being kept for a falling one; what that puts beyond the position is preload. Rigid rows keep it
 // until they separate: otherwise every change of stiffness would drop force, and the jolt change
 // the stiffness again. Of what is hit it is the energy that goes on, not the force, in a cluster
 // where an elastic contact stiffens: the energy that a force which went on would lose is what it is
@@ -34,8 +34,8 @@
 
 namespace dashpot {
 
-// Fills the deformation and offset of every row. With infinite `recovery_speed` the spring takes
-// the whole overlap.
+// Fills the deformation and unstressed penetration of every row. With infinite `recovery_speed` the
+// spring takes the whole overlap.
 void recall(const StepView& step, const Rows& rows, double recovery_speed, RowData& data,
             Team& team);
 

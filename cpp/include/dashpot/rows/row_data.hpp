@@ -33,16 +33,16 @@ struct RowData {
   std::vector<double> total_impulse;  // over the whole step, N s or N m s
 
   // Per group: deformation minus position, which is the unstressed part still to recover or, where
-  // the spring is deformed beyond the position, slack (recall.hpp); whether friction last stuck,
+  // the spring is deformed beyond the position, preload (recall.hpp); whether friction last stuck,
   // whether any impulse acted in this step; what it is to a hit, and whether contacts between two
   // trees are all that counts in its island (island_hits.hpp).
-  std::vector<double> offset;
+  std::vector<double> unstressed;
   std::vector<char> sticking, touched;
   std::vector<Hit> hit;
-  std::vector<char> is_of_lone_pair;
+  std::vector<char> is_of_isolated_pair;
   // Per group: energy (J) that rising stiffness took from its springs and falling stiffness may
   // give back (recall.hpp).
-  std::vector<double> credit;
+  std::vector<double> energy_tank;
   // Per group: energy (J) of a spring that grows stiffer with its position (solref_load.hpp),
   // beyond that of one that has been as stiff all the way.
   std::vector<double> beyond;
@@ -55,7 +55,7 @@ struct RowData {
   // at the velocities which they have at RowGroup::ahead.
   std::vector<double> acceleration_work;
   // Per group: how much faster (m/s) the gap of a turning contact grows than by the rates of its
-  // normal (detection/turning.hpp). It is no motion of bodies.
+  // normal (detect/turning.hpp). It is no motion of bodies.
   std::vector<double> drift;
 
   // Per motion coordinate: velocity at the start, which smooth forces know of; what of the smooth

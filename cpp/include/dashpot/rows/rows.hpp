@@ -29,7 +29,7 @@ inline constexpr double kSingular = 0.01;
 enum class Frozen {
   kAtStart,
   kAtImpact,  // where bodies that fly meet, see flight_contacts.hpp
-  kAhead      // where the bodies are after `ahead`, see detection/turning.hpp
+  kAhead      // where the bodies are after `ahead`, see detect/turning.hpp
 };
 
 // One contact as detection reports it, with its material resolved.
@@ -37,9 +37,10 @@ struct ContactInput {
   int source = 0;                   // index in the list of detected contacts
   std::array<int, 2> geom{};        // ids; -1 - id for a flex
   std::array<int, 2> tree{-1, -1};  // trees of the two bodies, -1 for static ones
-  // Geoms whose contacts with geom 1 at a seam it takes over, else -1.
-  std::array<int, 3> takes_over{-1, -1, -1};
-  // Side of the geom whose surface another one continues, see detection/seams.hpp, else -1.
+  // Geoms whose contacts with geom 1 at an internal edge are ghosts of this one, else -1.
+  std::array<int, 3> ghosts{-1, -1, -1};
+  // Side of the geom whose surface another one continues, see detect/internal_edges.hpp, else
+  // -1.
   int continued = -1;
   int dim = 1;                       // rows: 1, 3, 4 or 6
   double gap = 0.0;                  // m, distance less margin
@@ -50,13 +51,13 @@ struct ContactInput {
   // they are apart, bodies go on until these meet. World, m.
   std::array<double, 3> apart{};
   Frozen frozen = Frozen::kAtStart;
-  bool is_of_round_hit = false;  // of two round bodies alone, see detection/pair_hits.hpp
+  bool is_of_round_hit = false;  // of two round bodies alone, see detect/pair_hits.hpp
   // Of contacts frozen within the step: the time (s) that leads there, its middle but for hits, and
   // the acceleration (m/s^2) of the gap and of sliding because normal and arms turn.
   double ahead = 0.0;
   std::array<double, 3> turning{};
   // m/s^2, world: acceleration of the surface of geom 2 against that of geom 1 because mocap bodies
-  // change their velocity within the step (mujoco/mocap_motion.hpp).
+  // change their velocity within the step (model/mocap_motion.hpp).
   std::array<double, 3> surface_acceleration{};
   std::array<double, 5> friction{};  // limit coefficients per friction row
   std::array<double, 2> solref{};
@@ -67,7 +68,7 @@ struct ContactInput {
   std::array<std::array<double, 3>, 2> local_position{};
   std::array<double, 9> rotation{};
 
-  bool is_at_seam() const { return takes_over[0] >= 0; }
+  bool is_at_internal_edge() const { return ghosts[0] >= 0; }
   bool is_of_pair(const std::array<int, 2>& of) const {
     return geom[0] == of[0] && geom[1] == of[1];
   }
@@ -88,8 +89,8 @@ enum class RowKind {
 // One scalar constraint as MuJoCo instantiates it.
 struct ConstraintInput {
   RowKind kind = RowKind::kUnilateral;
-  int source = 0;                   // row in mjData.efc_*, below 0 of dampers (row_dampers.hpp)
-  int memory = 0;                   // index of its memory, fixed by the model; -1 for none
+  int source = 0;  // row in mjData.efc_*, below 0 of dampers (springs_and_dampers.hpp)
+  int memory = 0;  // index of its memory, fixed by the model; -1 for none
   std::array<int, 2> tree{-1, -1};  // the second one is -1 where there is but one
   double position = 0.0;            // gap of a limit, error of an equality; m or rad
   double drive = 0.0;               // rate at which mocap bodies change the position, m/s or rad/s
@@ -149,14 +150,14 @@ struct RowGroup {
   SolrefLoad solref;
   double stored = 0.0;  // J, by a limit or equality at its position, where its load is read there
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
-  // Of ContactInput, and of limits of spatial tendons and ball joints (mujoco/row_turns.hpp). With
+  // Of ContactInput, and of limits of spatial tendons and ball joints (model/row_turns.hpp). With
   // the turn of the geometry goes what the surfaces accelerate by along the rows.
   double ahead = 0.0;
   std::array<double, 3> turning{}, surface_acceleration{};
   bool is_of_round_hit = false;
   // Of the contacts between its two bodies: the mean w of their normals, 1/kg, 0 of what is no
   // contact; the first of these groups; and the square of the frequency at which they are pressed
-  // together, over that of one of this w alone (pressed_together.hpp).
+  // together, over that of one of this w alone (modal_damping.hpp).
   double pair_inverse_mass = 0.0;
   int first_of_pair = 0;
   double pressed = 1.0;
@@ -166,7 +167,7 @@ struct RowGroup {
   // The limit of one end of a joint's range; that of the other is a group too, and one at most of
   // them is pressed.
   bool is_end_of_range = false;
-  bool is_damper = false;  // row_dampers.hpp
+  bool is_damper = false;  // springs_and_dampers.hpp
 
   // False of a contact apart that nothing can close, since no joint moves its bodies along the
   // normal: it belongs to no island.
@@ -181,6 +182,8 @@ struct RowGroup {
 
 struct Rows {
   std::vector<RowGroup> group;
+  std::vector<int> equality;    // groups of RowKind::kBilateral
+  std::vector<int> on_surface;  // groups with kSurfaceCoordinate
   std::vector<PairGeometry> pair;
   std::vector<int> column;           // motion coordinates
   std::vector<double> value;         // of sparse rows

@@ -1,4 +1,4 @@
-// Where in a step its present part is.
+// Where in a step its present substep is.
 
 #pragma once
 
@@ -9,10 +9,10 @@ constexpr double kSliverOfStep = 1e-9;
 
 struct StepClock {
   double whole = 0.0;          // s, of the step
-  double length = 0.0;         // H, s, of the part, which is the whole step if nothing cuts it
-  double row_turn_rate = 0.0;  // rad/s, of equalities in the part before; 0 in the first
-  bool cut_short = false;      // the part ends at an impact
-  int cuts = 0;                // at impacts, in the parts before
+  double length = 0.0;         // H, s, of the substep, which is the whole step if nothing cuts it
+  double row_turn_rate = 0.0;  // rad/s, of equalities in the substep before; 0 in the first
+  bool cut_short = false;      // the substep ends at an impact
+  int cuts = 0;                // at impacts, in the substeps before
 };
 
 }  // namespace dashpot

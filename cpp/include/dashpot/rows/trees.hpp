@@ -95,7 +95,7 @@ struct Trees {
   // By degree of freedom, what D has of joint dampers at the velocity of the step's start, where it
   // does not come from derivatives.
   std::vector<double> joint_damping;
-  // Those of `discrete` (mujoco/discrete.hpp), tree after tree, where those of a tree begin, and
+  // Those of `discrete` (model/discrete.hpp), tree after tree, where those of a tree begin, and
   // the step (s) of which qacc_smooth is.
   std::vector<ImplicitEntry> implicit;
   std::vector<int> implicit_begin;

@@ -1,0 +1,61 @@
+// How forces of actuators, and those that users apply, change from step to step, and what of that
+// goes into the Verlet corrector of a step (trapezoid.hpp, with the symbols).
+//
+// Most often they follow from the motion: position servos, and controllers that are asked once a
+// step. Held over a step they would gain energy as springs do, from omega^2 H / 4. So a' has their
+// change
+//
+//     e' - (e - D0 (v1 - v0)),
+//
+// D0: what the micro-steps follow of dampers and servos with implicit integrators.
+//
+// Where no s near 1 is left with it, they are taken as held after all, as servos of light fingers
+// that hold something heavy.
+//
+// Forces may also jump, as commands do. A jump is held, as MuJoCo holds it: a push of n steps gives
+// n e H. Apart from what servos change by because joints move, it is what two changes, one after
+// the other, differ by, where that is much. But where a force falls at once that was followed on
+// its way up, that much is followed down: of any course it is half a step of its largest value, at
+// most, that is left of the halves.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/rows/memory.hpp"
+#include "dashpot/rows/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot {
+
+// Keeps its arrays from step to step.
+class DriveChanges {
+ public:
+  // At the start of a step: e, of which no change is known. `velocity`: generalized.
+  void start(const mjModel_* model, const mjData_* d, const std::vector<double>& velocity);
+  // Finds what e of trees that have `left_corrector` (by tree) has changed by since the step
+  // `before`.
+  void find(const mjModel_* model, const mjData_* d, const HeldMotion& before, const Trees& trees,
+            const std::vector<char>& left_corrector);
+  // Of what is followed, counts the part s of a tree.
+  void count_followed(const Tree& tree, double s);
+  // Keeps a tree's for the next step, which starts with the generalized `velocity`, from a step
+  // that started with `before`.
+  void keep(const mjModel_* model, const Trees& trees, int tree, const double* before,
+            const double* velocity, HeldMotion& now) const;
+
+  // By degree of freedom: the change that is followed, and what of it servos have because joints
+  // moved.
+  double followed_change(int dof) const { return followed_change_[dof]; }
+  double servo_change(int dof) const { return servo_change_[dof]; }
+
+ private:
+  // By degree of freedom: e of this step; of its change since the last one, what servos have
+  // because joints moved, the rest, and what of both is followed; what of the rest has been
+  // followed so far.
+  std::vector<double> drive_, servo_change_, commanded_change_, followed_change_, followed_;
+};
+
+}  // namespace dashpot

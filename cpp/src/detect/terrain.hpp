@@ -1,0 +1,27 @@
+// Contacts with height fields.
+//
+// MuJoCo collides a geom with every prism beneath it, each of which gives the point where it is
+// deepest: of a box that lies on flat ground any point on each, another one in every step, and
+// along the sides that prisms have in common any normal.
+//
+// A geom touches a surface of triangles in points of its own on faces (detect/terrain_points.hpp),
+// and in corners and edges of the surface that stand out. The first are known. Of what MuJoCo finds
+// remains what lies on corners and edges that stand out, or is not explained; of round surfaces no
+// more than what has a normal there that leads out of the surface.
+
+#pragma once
+
+struct mjModel_;
+struct mjData_;
+struct mjPreContact_;
+
+namespace dashpot::host {
+
+struct FaceBuffers;
+
+// Puts these contacts in place of the `count` (at most mjMAXCONPAIR) that MuJoCo finds of a height
+// field and another geom within `margin` (m); returns how many they are.
+int take_points_on_terrain(const mjModel_* m, mjData_* d, int terrain, int geom, double margin,
+                           FaceBuffers& buffers, mjPreContact_* contact, int count);
+
+}  // namespace dashpot::host
