@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import dashpot
-from dashpot import _core
+from dashpot._mujoco_versions import SUPPORTED
 
 ROOT = Path(__file__).parent.parent
 
@@ -31,9 +31,16 @@ def test_version_is_the_same_everywhere() -> None:
     assert dashpot.__version__ == version
 
 
-def test_mujoco_is_pinned_to_one_version() -> None:
-    pins = read("pyproject.toml") + read("README.md")
-    assert only(r"mujoco==([0-9.]+)", pins) == _core.__mujoco_version__
+def test_supported_versions_of_mujoco_are_the_same_everywhere() -> None:
+    said = ", ".join(SUPPORTED[:-1]) + " and " + SUPPORTED[-1]
+    for page in ("README.md", "docs/start.md", "docs/guides/versions.md"):
+        assert said in " ".join(read(page).split()), page
+    built_alone = only(r"mujoco==([0-9.]+)\.\*", read("pyproject.toml"))
+    assert built_alone in SUPPORTED
+    folders = re.findall(
+        r"/([0-9.]+)/mujoco\b", only(r"DASHPOT_MUJOCO = (.+)", read("pyproject.toml"))
+    )
+    assert tuple(folders) == SUPPORTED
 
 
 def test_system_packages_of_readme_are_those_ci_installs() -> None:
