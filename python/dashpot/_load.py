@@ -100,7 +100,14 @@ def _check_structs(mujoco: ModuleType, extension: ModuleType) -> None:
         )
 
 
-def _missing_library(error: ImportError) -> str | None:
+def _missing(error: ImportError, mujoco_version: str) -> str | None:
+    """Return what to tell the user about a failed import of the extension, if that is known."""
+    function = re.search(r"undefined symbol: (_?mj\w+)", str(error))
+    if function:
+        return (
+            f"mujoco {mujoco_version} is installed, which has no {function[1]}. Remedy:  "
+            f"pip install 'mujoco=={minor_version(mujoco_version)}.0'"
+        )
     library = re.search(r"(lib(?:fcl|ccd|octomap|octomath))\.so\S*: cannot open", str(error))
     if not library:
         return None
@@ -132,7 +139,7 @@ def _load_core() -> ModuleType:
         extension = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(extension)
     except ImportError as error:
-        remedy = _missing_library(error)
+        remedy = _missing(error, version)
         if remedy is None:
             raise
         raise ImportError(remedy, name=_NAME) from error
