@@ -15,7 +15,6 @@
 #include "dashpot/detection/side_by_side.hpp"
 #include "dashpot/detection/terrain.hpp"
 #include "dashpot/mujoco/contact_parameters.hpp"
-#include "dashpot/mujoco/terrain_distances.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
 // any two convex geoms.
@@ -163,10 +162,8 @@ int collide_ellipsoid(const mjModel* m, mjData* d, mjPreContact* contact, int ge
 int collide_on_terrain(const mjModel* m, mjData* d, mjPreContact* contact, int terrain, int geom,
                        mjtNum margin) {
   const mjfCollision collide = collide_now[mjGEOM_HFIELD][m->geom_type[geom]];
-  const int found = collide(m, d, contact, terrain, geom, margin);
-  if (m != replaced) return found;
-  const int count = mend_terrain_distances(d, terrain, margin, contact, found);
-  if (!face_buffers || may_adhere(m, terrain, geom)) return count;
+  const int count = collide(m, d, contact, terrain, geom, margin);
+  if (m != replaced || !face_buffers || may_adhere(m, terrain, geom)) return count;
   return take_points_on_terrain(m, d, terrain, geom, margin, *face_buffers, contact, count);
 }
 
