@@ -54,7 +54,8 @@ def test_a_soft_box_sticks_on_a_slope():
     angle = np.deg2rad(10)
     gravity = f"{9.81 * np.sin(angle)} 0 {-9.81 * np.cos(angle)}"
     engine, data = engine_of(BOX, ELASTIC, 'dof="trilinear"', gravity=gravity)
-    engine.step(data, 3000)
+    # Until 3.16 MuJoCo's boxes are too soft in shear, and come to rest later.
+    engine.step(data, 3000 if mujoco.mj_version() >= 3016000 else 9000)
     start = data.qpos.copy()
     engine.step(data, 3000)
     # To rounding of 3,000 steps; a regularised cone would creep.
