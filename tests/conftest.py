@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+
 import mujoco
 import pytest
 
 from query_geoms import hull_mesh, hull_points, two_of_each
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call() -> Generator[None, object, object]:
+    """Skip what has height fields where MuJoCo finds them too near."""
+    try:
+        return (yield)
+    except ValueError as error:
+        if mujoco.mj_version() < 3016000 and "refuses: height fields" in str(error):
+            pytest.skip("MuJoCo 3.15 has wrong distances from height fields, which are refused")
+        raise
 
 
 @pytest.fixture(scope="module")

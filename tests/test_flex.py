@@ -8,6 +8,7 @@ import pytest
 
 import dashpot
 
+IS_4 = mujoco.mj_version() >= 4000000
 INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION
 WEIGHT = 9.81  # N, of a flex of 1 kg
 
@@ -53,7 +54,8 @@ def test_a_soft_box_sticks_on_a_slope():
     angle = np.deg2rad(10)
     gravity = f"{9.81 * np.sin(angle)} 0 {-9.81 * np.cos(angle)}"
     engine, data = engine_of(BOX, ELASTIC, 'dof="trilinear"', gravity=gravity)
-    engine.step(data, 3000)
+    # Until 3.16 MuJoCo's boxes are too soft in shear, and come to rest later.
+    engine.step(data, 3000 if mujoco.mj_version() >= 3016000 else 9000)
     start = data.qpos.copy()
     engine.step(data, 3000)
     # To rounding of 3,000 steps; a regularised cone would creep.
@@ -63,7 +65,16 @@ def test_a_soft_box_sticks_on_a_slope():
     np.testing.assert_allclose(force, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("edges", ["true", "vert"])
+@pytest.mark.parametrize(
+    "edges",
+    [
+        "true",
+        pytest.param(
+            "vert",
+            marks=pytest.mark.skipif(IS_4, reason="MuJoCo 4.0 removed flexvert equalities"),
+        ),
+    ],
+)
 def test_momentum_of_a_cloth_on_a_ball_changes_by_weight_and_contact_alone(edges):
     grid = CLOTH.format(height=0.3)
     ball = '<geom name="ball" size=".1" pos="0 0 .15" friction="1"/>'
@@ -155,8 +166,9 @@ def test_a_box_comes_to_rest_on_a_cloth_pinned_at_its_corners():
         on_box = engine.contacts(data, geom=1)
         assert (on_box.flex[:, 1] == 0).all()
         carried.append(total_force(on_box)[2])
-    # A small part of what it falls with, over the 45 mm between them.
-    assert np.mean(kinetic) < 0.03 * 0.5 * 9.81 * 0.045
+    # A small part of what it falls with, over the 45 mm between them. Contacts of MuJoCo 4.0 load
+    # the vertices by barycentric coordinates: it swings longer.
+    assert np.mean(kinetic) < (0.08 if IS_4 else 0.03) * 0.5 * 9.81 * 0.045
     # The box, the first side, presses on the cloth by its weight, in the mean of a second: but for
     # 15 mm/s that it may still swing by.
     assert np.mean(carried) == pytest.approx(-0.5 * 9.81, rel=3e-3)

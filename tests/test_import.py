@@ -8,12 +8,15 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import mujoco
 import pytest
 
 import dashpot
 from dashpot import _core
+from dashpot._load import _check_structs
+from dashpot._mujoco_versions import SUPPORTED, minor_version, requirement
 
 PACKAGE = Path(dashpot.__file__).parent
 EXTENSION = Path(_core.__file__).resolve()
@@ -53,14 +56,28 @@ def copy_extension(folder: Path, library: bytes) -> None:
     (folder / "dashpot" / EXTENSION.name).write_bytes(content.replace(library, absent))
 
 
+def other_mujoco(folder: Path, version: str) -> Path:
+    """Make a package mujoco that says it is of this version; return its folder."""
+    (folder / "mujoco").mkdir()
+    (folder / "mujoco" / "__init__.py").write_text(
+        f"__version__ = {version!r}\ndef mj_versionString(): return __version__\n"
+    )
+    return folder
+
+
 def test_versions_are_those_of_the_build() -> None:
-    assert _core.__mujoco_version__ == mujoco.mj_versionString()
+    assert minor_version(_core.__mujoco_version__) == minor_version(mujoco.mj_versionString())
     assert dashpot.__version__ == _core.__version__
 
 
 def test_dashpot_can_be_imported_before_mujoco() -> None:
     result = run_python("import dashpot, mujoco; print(mujoco.mj_versionString())")
-    assert result.stdout.strip() == _core.__mujoco_version__, result.stderr
+    assert result.stdout.strip() == mujoco.mj_versionString(), result.stderr
+
+
+def test_the_extension_is_found_as_a_module() -> None:
+    result = run_python("import dashpot._core as a; from dashpot import _core as b; print(a is b)")
+    assert result.stdout.strip() == "True", result.stderr
 
 
 def test_mujoco_missing() -> None:
@@ -69,14 +86,47 @@ def test_mujoco_missing() -> None:
     assert "pip install" in message
 
 
-def test_mujoco_of_another_version(tmp_path: Path) -> None:
-    (tmp_path / "mujoco").mkdir()
-    (tmp_path / "mujoco" / "__init__.py").write_text(
-        "__version__ = '3.16.0'\ndef mj_versionString(): return __version__\n"
-    )
-    message = import_error("import dashpot", tmp_path)
-    assert "mujoco 3.16.0 is installed" in message
-    assert f"pip install mujoco=={_core.__mujoco_version__}" in message
+@pytest.mark.parametrize("version", ["3.14.0", "5.0.0"])
+def test_mujoco_that_is_not_supported(tmp_path: Path, version: str) -> None:
+    message = import_error("import dashpot", other_mujoco(tmp_path, version))
+    assert f"mujoco {version} is installed" in message
+    assert minor_version(_core.__mujoco_version__) in message
+    assert "pip install 'mujoco" in message
+
+
+def test_supported_mujoco_for_which_there_is_no_extension(
+    package_copy: Path, tmp_path: Path
+) -> None:
+    built = minor_version(_core.__mujoco_version__)
+    other = next(minor for minor in SUPPORTED if minor != built)
+    shutil.copy(EXTENSION, package_copy / "dashpot" / EXTENSION.name)
+    message = import_error("import dashpot", package_copy, other_mujoco(tmp_path, f"{other}.0"))
+    assert f"built for mujoco {built}. Remedy:  pip install 'mujoco=={built}.*'" in message
+    assert "--no-build-isolation" in message
+
+
+def test_patch_release_counts_by_its_headers(tmp_path: Path) -> None:
+    def check(folder: Path) -> None:
+        patched = ModuleType("mujoco")
+        patched.mj_versionString = lambda: "9.9.9"  # type: ignore[attr-defined]
+        patched.__file__ = str(folder / "mujoco" / "__init__.py")
+        _check_structs(patched, _core)
+
+    headers = tmp_path / "mujoco" / "include" / "mujoco"
+    shutil.copytree(Path(mujoco.__file__).parent / "include" / "mujoco", headers)
+    data = headers / "mjdata.h"
+    data.write_text("// comments do not count\n" + data.read_text())
+    check(tmp_path)
+    data.write_text(data.read_text().replace("mjtNum* qpos;", "mjtNum* more;\n  mjtNum* qpos;"))
+    with pytest.raises(ImportError, match=r"mujoco 9\.9\.9 is installed, whose structs are not"):
+        check(tmp_path)
+    with pytest.raises(ImportError, match="pip install 'mujoco=="):
+        check(tmp_path / "without headers")
+
+
+def test_requirement_by_what_is_built() -> None:
+    assert requirement(["3.17"]) == "mujoco==3.17.*"
+    assert requirement(["4.0", "3.15", "3.17"]) == "mujoco>=3.15,<4.1"
 
 
 def test_source_tree_without_extension(package_copy: Path) -> None:
@@ -86,11 +136,14 @@ def test_source_tree_without_extension(package_copy: Path) -> None:
 
 
 def test_extension_of_another_python(package_copy: Path) -> None:
-    (package_copy / "dashpot" / "_core.cpython-27-x86_64-linux-gnu.so").touch()
+    (package_copy / "dashpot" / "_core_3_17.cpython-27-x86_64-linux-gnu.so").touch()
     message = import_error("import dashpot", package_copy)
-    assert "built for another Python (_core.cpython-27-x86_64-linux-gnu.so)" in message
+    assert "built for another Python (_core_3_17.cpython-27-x86_64-linux-gnu.so)" in message
 
 
+@pytest.mark.skipif(
+    b"libfcl.so.0.7" not in EXTENSION.read_bytes(), reason="the wheel brings its own FCL"
+)
 def test_fcl_missing(package_copy: Path) -> None:
     copy_extension(package_copy, b"libfcl.so.0.7")
     message = import_error("import dashpot", package_copy)

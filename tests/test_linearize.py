@@ -41,7 +41,7 @@ def test_step_without_contact_has_the_derivatives_of_mujocos(integrator, centere
     C, D = np.empty((model.nsensordata, nx)), np.empty((model.nsensordata, model.nu))
     mujoco.mj_forward(model, data)
     mujoco.mjd_transitionFD(model, data, 1e-6, centered, A, B, C, D)
-    if centered:  # MuJoCo 3.17 returns -D
+    if centered and mujoco.mj_version() < 4000000:  # which return -D
         D *= -1.0
     # The same differences of the same steps: rounding, over eps.
     for name, expected in zip("ABCD", (A, B, C, D), strict=True):

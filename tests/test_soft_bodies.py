@@ -5,6 +5,7 @@ import pytest
 
 import dashpot
 
+IS_4 = mujoco.mj_version() >= 4000000
 GRAVITY = 9.81
 SCENE = """<mujoco><option timestep="{timestep}" integrator="{integrator}"/><worldbody>
   <geom type="plane" size="2 2 .1"/>{bodies}</worldbody>{rest}</mujoco>"""
@@ -77,6 +78,8 @@ def mechanical(engine: dashpot.Engine, data: mujoco.MjData) -> float:
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_no_energy_comes_from_nothing(scene):
+    if IS_4 and scene in ("hammock", "rope", "springy rope"):
+        pytest.skip("MuJoCo 4.0 has no stiffness or damping of flex edges under discrete")
     engine, data = engine_of(SCENES[scene])
     start = before = mechanical(engine, data)
     total, touching = engine.energy(data).total, 0
@@ -108,7 +111,9 @@ def test_a_soft_cube_gives_way_by_hookes_law(young):
 
     Each layer bears what is above it. Friction keeps the ends from widening, and tetrahedra of a
     third of the side bend little: together they are stiffer than rods by a sixth, at any step.
+    Since 4.0 MuJoCo no longer has twice Lame's first parameter: a twentieth.
     """
+    of_rod = 0.96 if IS_4 else 0.85
     plate = """<body pos="0 0 .112"><joint type="slide" axis="0 0 1"/>
       <geom type="box" size=".1 .1 .01" mass=".5"/></body>"""
     pressure = (0.5 + 0.5 * 0.3) * GRAVITY / 0.09**2
@@ -116,7 +121,7 @@ def test_a_soft_cube_gives_way_by_hookes_law(young):
         engine, data = engine_of(cube("0 0 .05", young=young) + plate, timestep)
         engine.step(data, int(0.5 / timestep))
         sunk = 0.09 + 2 * 0.002 + 0.01 - data.xpos[-1][2]
-        assert sunk == pytest.approx(0.85 * 0.09 * pressure / young, rel=0.06, abs=4e-5)
+        assert sunk == pytest.approx(of_rod * 0.09 * pressure / young, rel=0.06, abs=4e-5)
         contacts = engine.contacts(data)
         weight = contacts.force[contacts.geom[:, 0] == 0, 0].sum()
         assert weight == pytest.approx(0.8 * GRAVITY, rel=0.02)

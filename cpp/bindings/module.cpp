@@ -18,6 +18,7 @@ PYBIND11_MODULE(_core, module) {
   module.doc() = "C++ core of dashpot: contact law, engine, rollouts, queries.";
   module.attr("__version__") = DASHPOT_VERSION;
   module.attr("__mujoco_version__") = DASHPOT_MUJOCO_VERSION;
+  module.attr("__mujoco_headers__") = DASHPOT_MUJOCO_HEADERS;
   module.def(
       "built_by", [] { return DASHPOT_BUILT_BY; },
       "Compiler with its version, type of build, and IPO where it optimised across files.");

@@ -610,5 +610,6 @@ def solref_to_spring_at_rest(
     """
 
 MAX_THREADS: int = 128
+__mujoco_headers__: str = "9a0d3aeb355f7eeb"
 __mujoco_version__: str = "3.17.0"
 __version__: str = "0.1.0"

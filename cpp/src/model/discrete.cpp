@@ -8,10 +8,13 @@
 #include "dashpot/model/errors.hpp"
 #include "dashpot/model/trees.hpp"
 
-// Exported by the pinned MuJoCo library though not declared in its public headers: the metric of
+// Exported by MuJoCo's library though not declared in its public headers: the metric of
 // `discrete`, which flexes it has as a sparse matrix, and products of a vector with the stiffness
 // and the damping of all flexes.
 extern "C" {
+#if mjVERSION_HEADER < 3016000
+#define mj_effBuild mjd_effBuild  // its name before
+#endif
 void mj_effBuild(const mjModel* m, mjData* d, int active, int flg_factor);
 int mj_flexSimple(const mjModel* m, int flex);
 mjtBool mjd_flexInterpAssemblable(const mjModel* m);

@@ -17,6 +17,12 @@ namespace dashpot::host {
 
 namespace {
 
+#if mjVERSION_HEADER >= 4000000
+constexpr int kSpeculative = mjENBL_SPECULATIVE;
+#else
+constexpr int kSpeculative = 0;
+#endif
+
 bool any_nonzero(const mjtNum* values, int count) {
   return std::any_of(values, values + count, [](mjtNum value) { return value != 0.0; });
 }
@@ -110,6 +116,17 @@ void report_options(const mjModel* m, Report& report) {
                "contact parameters come from materials, not from o_solref and o_solimp");
   if (o.enableflags & mjENBL_IPC)
     report.add("flag ipc", Treatment::kRefused, "contacts belong to the discrete integrator");
+  if (o.enableflags & kSpeculative)
+    report.add("flag speculative", Treatment::kRefused, "fast contacts are found without it");
+#if mjVERSION_HEADER < 3016000
+  if (std::find(m->geom_type, m->geom_type + m->ngeom, mjGEOM_HFIELD) != m->geom_type + m->ngeom)
+    report.add("height fields", Treatment::kRefused,
+               "MuJoCo 3.15 finds them too near by one and a half margins; 3.16 does not");
+#elif mjVERSION_HEADER >= 4000000
+  if (m->nplastic > 0)
+    report.add("plastic deformation", Treatment::kRefused,
+               "springyield, yield and the twist of elastic rods change with mj_step alone");
+#endif
   if (o.enableflags & mjENBL_FWDINV)
     report.add("flag fwdinv", Treatment::kMapped,
                "solver_fwdinv stays zero: mean forces of a step are no solution of mj_inverse");
@@ -240,7 +257,7 @@ void check_options(const mjModel_* m, Law law) {
     throw std::invalid_argument("model.opt.cone is " + std::to_string(o.cone) +
                                 "; the engine's model needs mjCONE_ELLIPTIC");
   if (!is_known_integrator(m) || (law == Law::kComFree && is_discrete(m)) ||
-      o.enableflags & (mjENBL_OVERRIDE | mjENBL_IPC))
+      o.enableflags & (mjENBL_OVERRIDE | mjENBL_IPC | kSpeculative))
     check_supported(m, law);
 }
 
