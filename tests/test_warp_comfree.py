@@ -44,8 +44,7 @@ def push(_, data):
         (BALL.format(condim=6), push, 1e-6),
         (HINGE.format(joint='range="-60 60" limited="true"'), None, 1e-6),
         (HINGE.format(joint='frictionloss="0.5"'), None, 1e-6),
-        # The engine adds what the rows of an equality turn by, v dJ/dt, which the law has not.
-        (CONNECTED, None, 1e-5),
+        (CONNECTED, None, 1e-6),
     ],
 )
 def test_half_a_second_is_that_of_the_engine(xml, start, tolerance):

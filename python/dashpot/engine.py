@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import importlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
@@ -482,8 +483,7 @@ class Engine(ReadableOptions):
         >>> d.qpos.shape
         (4, 14)
         """
-        from dashpot import warp
-
+        warp: Any = importlib.import_module("dashpot.warp")
         untaken = ("max_microsteps", "mocap_timeconst", "impact", "rules")
         for name, value in self._options.changed().items():
             if name in untaken:

@@ -14,6 +14,7 @@ void Stepper::ComFreeImpl::act(mjData_* d) {
   gap.clear();
   group_mass.clear();
   for (const RowGroup& c : rows.group) {
+    if (c.kind == RowKind::kBilateral) stop_turning(rows, c);  // rates are J v alone
     const bool contact = c.kind == RowKind::kContact;
     const auto& solimp = contact ? contacts[c.input].solimp : constraints[c.input].solimp;
     gap.push_back(contact ? contacts[c.input].gap : constraints[c.input].position);
