@@ -1,5 +1,7 @@
 """A ball that bounces on a Kelvin-Voigt floor follows the exact piecewise solution at any step."""
 
+import functools
+
 import mujoco
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ TIMESTEPS = (1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)
 STIFFNESS, GRAVITY, RADIUS = 1e4, 9.81, 0.1
 
 
+@functools.cache
 def exact_solution(restitution: float) -> BouncingBall:
     damping = 2 * damping_ratio_of(restitution) * STIFFNESS**0.5
     return BouncingBall(1.0, STIFFNESS, damping, until=10.0)

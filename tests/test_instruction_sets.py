@@ -16,7 +16,7 @@ sys.path[:0] = {[str(Path(__file__).parent), *sys.path]!r}
 import shared_step_scenes as scenes
 for make in (scenes.bin_of_all_shapes, scenes.bin_with_rolling_friction, scenes.arms_in_a_bin):
     engine, data = make(1)
-    stats = engine.step(data, nstep=90)
+    stats = engine.step(data, nstep=50)
     assert stats.touching > 50
     print(hashlib.sha256(scenes.stored(engine, data).tobytes()).hexdigest())
 """
