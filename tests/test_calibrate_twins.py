@@ -1,4 +1,4 @@
-"""Intervals and statements of fits, over recordings whose truth is hidden: a tenth of the table.
+"""Intervals and statements of fits, over recordings whose truth is hidden: a twenty-fifth of the table.
 
 `benchmarks/twins.py` makes the table. Limits here are such that a right method exceeds any of them
 in less than one of a thousand choices of seeds.
@@ -15,7 +15,7 @@ from scipy import stats
 import twins
 
 # Of a track that slopes a fit takes as long as of four others.
-REPETITIONS = {kind: 3 if kind == "slope of a track" else 10 for kind in twins.KINDS}
+REPETITIONS = {kind: 1 if kind == "slope of a track" else 4 for kind in twins.KINDS}
 RARE = 1e-3 / (3 * len(REPETITIONS))
 
 

@@ -105,7 +105,7 @@ def test_a_damper_without_a_spring_says_nothing_of_a_bounce(damping):
 
     5 N s/m left 1 kg all of its speed, 5000 N s/m from 0.79 of it at 0.5 ms to 0.15 at 10 ms.
     """
-    message = rf"^Material: damping = {damping:g} N s/m needs a stiffness; .* restitution in place"
+    message = rf"^Material: damping = {damping:g} N s/m needs a stiffness\. .* restitution in place"
     with pytest.raises(ValueError, match=message):
         Material(damping=damping)
     with pytest.raises(ValueError, match=message):
