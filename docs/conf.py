@@ -81,7 +81,7 @@ SEARCH_TERMS = {
         "Slip, stiction and friction": "slip, creep, sliding, stick",
         "What makes steps slow": "slow, speed",
     },
-    "guides/warp": {"Thousands of worlds: `dashpot.warp`": "gpu, cuda, warp"},
+    "guides/warp": {"Thousands of worlds on a GPU: `dashpot.warp`": "gpu, cuda, warp"},
     "method": {"2. One contact": "kelvin-voigt", "3. Friction": "stiction"},
 }
 
