@@ -541,10 +541,10 @@ def test_slow_motion_is_no_fall_in_milliseconds():
     assert strange_falls(problem) == {}
 
 
-def test_a_fit_warns_of_times_in_milliseconds():
+def test_a_fit_refuses_times_in_milliseconds():
     problem = replace(fallen(10.0), substeps=1, window=30.0)
-    with pytest.warns(UserWarning, match=r"'up' and 1 more: .* milliseconds; times must be in s"):
-        fit(problem, starts=0, max_evaluations=1)
+    with pytest.raises(ValueError, match=r"'up' and 1 more: .* milliseconds; times must be in s"):
+        fit(problem, starts=0)
 
 
 # As real models have them: a body of two geoms, and a floor, without names.
