@@ -1,4 +1,4 @@
-"""Intervals and statements of fits, over recordings whose truth is hidden: a twenty-fifth of the table.
+"""Intervals and statements of fits, over recordings whose truth is hidden: a part of the table.
 
 `benchmarks/twins.py` makes the table. Limits here are such that a right method exceeds any of them
 in less than one of a thousand choices of seeds.
