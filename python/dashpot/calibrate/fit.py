@@ -172,7 +172,8 @@ def fit(
     TypeError
         If `problem` is no `Problem`, or an option is not of its type.
     ValueError
-        For options out of range, and where there are no more residuals than unknowns. Where the
+        For options out of range, and where there are no more residuals than unknowns. Where bodies
+        fall as if times were in milliseconds or microseconds, naming the trajectory. Where the
         start, or all that is tried, cannot be built or simulated, naming trajectory and values.
         Other candidates that fail count as infinitely bad.
 

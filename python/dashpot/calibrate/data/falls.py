@@ -38,10 +38,10 @@ _FELT = 0.5
 # Nothing falls freely for longer between frames: in five of them it falls 20 m.
 _SLOW_FRAMES = 0.5  # s
 
-DOWN = "an axis that points down"
+TIMES = "times in"
 _LENGTHS = {"": 1.0, "positions in cm": 1e2, "positions in inches": 39.37, "positions in mm": 1e3}
-_TIMES = {"": 1.0, "times in milliseconds": 1e-6, "times in microseconds": 1e-12}
-_WAYS = {"": 1.0, DOWN: -1.0}
+_TIMES = {"": 1.0, f"{TIMES} milliseconds": 1e-6, f"{TIMES} microseconds": 1e-12}
+_WAYS = {"": 1.0, "an axis that points down": -1.0}
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dashpot.calibrate.data.falls import DOWN, strange_units
+from dashpot.calibrate.data.falls import TIMES, strange_units
 from dashpot.calibrate.problem.falling_paths import falling_paths
 from dashpot.calibrate.problem.first_guess import free_bodies, gravity_of
 from dashpot.calibrate.problem.problem import Problem
@@ -35,16 +35,16 @@ def warn_of_noisy_starts(problem: Problem, consequence: str) -> None:
 
 
 def refuse_strange_falls(problem: Problem) -> None:
-    """Refuse bodies that fall as of other units than the model's, warn of an axis turned round.
+    """Refuse times of another unit than the model's, warn of positions and axes of others.
 
-    Times a thousand times too long would take a thousand times as long to simulate. What falls up
-    may be thrown so.
+    Times in ms would take a thousand times as long to simulate, and no parameter is their unit. The
+    scale of positions may be an unknown of the fit.
     """
     found = strange_falls(problem)
     for what in dict.fromkeys(found.values()):
         names = [name for name, said in found.items() if said == what]
         said = f"{what}; times must be in s, positions in m, in the world of the model"
-        if what.endswith(f"as with {DOWN}"):
+        if TIMES not in what:
             _warn(names, said)
         else:
             raise ValueError(
