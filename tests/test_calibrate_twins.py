@@ -14,8 +14,9 @@ from scipy import stats
 
 import twins
 
-# Of a track that slopes a fit takes as long as of four others.
-REPETITIONS = {kind: 1 if kind == "slope of a track" else 4 for kind in twins.KINDS}
+# With fewer no number of misses would exceed what chance allows. Of a track that slopes a fit takes
+# as long as of four others.
+REPETITIONS = {kind: 3 if kind == "slope of a track" else 8 for kind in twins.KINDS}
 RARE = 1e-3 / (3 * len(REPETITIONS))
 
 
