@@ -65,7 +65,7 @@ bool CandidatePairs::cover(const mjModel_* m, const mjData_* d) {
 }
 
 const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const mjData_* d,
-                                                       const std::vector<double>& reach,
+                                                       const ReachBuffers& buffers,
                                                        Narrowing& narrowing, Team& team) {
   near_.clear();
   if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return near_;
@@ -80,7 +80,7 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
         (m->geom_type[geom] == mjGEOM_PLANE ? planes_ : bounded_).push_back(geom);
   }
   find_boxes(m, d, team);
-  if (changed || is_left(m, d) || are_too_many(reach)) gather(m, d, reach);
+  if (changed || is_left(m, d) || are_too_many(buffers.reach)) gather(m, d, buffers);
   const bool any_sleeps = host::any_sleeps(m, d);
   const int count = static_cast<int>(all_.size());
   const int size = team.range_size(count, kPairsAtOnce);
@@ -109,6 +109,11 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
     narrowed.insert(narrowed.end(), range.narrowed.begin(), range.narrowed.end());
   }
   return near_;
+}
+
+void CandidatePairs::forget() {
+  filters_.clear();
+  joint_gaps_.forget();
 }
 
 void CandidatePairs::read_filters(const mjModel_* m) {
@@ -157,7 +162,8 @@ bool CandidatePairs::is_left(const mjModel_* m, const mjData_* d) const {
   return false;
 }
 
-void CandidatePairs::gather(const mjModel_* m, const mjData_* d, const std::vector<double>& reach) {
+void CandidatePairs::gather(const mjModel_* m, const mjData_* d, const ReachBuffers& buffers) {
+  const std::vector<double>& reach = buffers.reach;
   filters_.clear();  // until all pairs are there
   rooms_ = present_;
   check_places(m, d);
@@ -177,8 +183,8 @@ void CandidatePairs::gather(const mjModel_* m, const mjData_* d, const std::vect
     const CandidatePair pair = pair_of(m, m->pair_geom1[defined], m->pair_geom2[defined], defined);
     if (have_collision(m, pair)) all_.push_back(pair);
   }
-  gather_of_planes(m, d);
-  gather_of_rooms(m);
+  gather_of_planes(m, d, buffers);
+  gather_of_rooms(m, d, buffers);
   std::sort(all_.begin(), all_.end(), comes_before);
   reach_ = std::accumulate(reach.begin(), reach.end(), 0.0);
   filters_ = filters_now_;
@@ -200,19 +206,21 @@ void CandidatePairs::check_places(const mjModel* m, const mjData* d) const {
   for (int plane : planes_) check(plane, pose_of(d, plane));
 }
 
-void CandidatePairs::gather_of_planes(const mjModel_* m, const mjData_* d) {
+void CandidatePairs::gather_of_planes(const mjModel_* m, const mjData_* d,
+                                      const ReachBuffers& buffers) {
   as_gathered_.clear();
   for (int plane : planes_) {
     as_gathered_.push_back({pose_of(d, plane), around(m, plane)});
     for (int geom : bounded_) {
       if (height_over_plane(d, plane, box_of(rooms_[geom])) <= around(m, plane))
-        add(m, plane, geom);
+        add(m, d, plane, geom, buffers);
     }
   }
 }
 
 // Sweeps along the axis over which the rooms are spread most.
-void CandidatePairs::gather_of_rooms(const mjModel_* m) {
+void CandidatePairs::gather_of_rooms(const mjModel_* m, const mjData_* d,
+                                     const ReachBuffers& buffers) {
   double spread[3];
   for (int i = 0; i < 3; ++i) {
     double sum = 0.0, squares = 0.0;
@@ -232,14 +240,17 @@ void CandidatePairs::gather_of_rooms(const mjModel_* m) {
     for (size_t j = i + 1; j < order_.size(); ++j) {
       const Room& other = rooms_[order_[j]];
       if (other.low[axis] > room.high[axis]) break;
-      if (overlap(room, other)) add(m, order_[i], order_[j]);
+      if (overlap(room, other)) add(m, d, order_[i], order_[j], buffers);
     }
   }
 }
 
-void CandidatePairs::add(const mjModel_* m, int geom1, int geom2) {
+void CandidatePairs::add(const mjModel_* m, const mjData_* d, int geom1, int geom2,
+                         const ReachBuffers& buffers) {
   const CandidatePair pair = pair_of(m, std::min(geom1, geom2), std::max(geom1, geom2), -1);
-  if (may_meet(m, geom1, geom2) && have_collision(m, pair) && defining_pair(m, geom1, geom2) < 0)
+  if (may_meet(m, geom1, geom2) && have_collision(m, pair) && defining_pair(m, geom1, geom2) < 0 &&
+      !joint_gaps_.keep_apart(m, d, geom1, geom2,
+                              margin_of(m, pair) + buffers.own_gap(pair.geom, -1)))
     all_.push_back(pair);
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "dashpot/detect/joint_gaps.hpp"
 #include "dashpot/model/constraints.hpp"
 #include "dashpot/model/contacts.hpp"
 #include "dashpot/model/errors.hpp"
@@ -18,30 +19,6 @@ namespace dashpot::host {
 namespace {
 
 constexpr int kContactsAtOnce = 64;  // by a thread
-
-// Whether a single joint moves two geoms that are apart against each other and keeps their contact
-// as it is, along a line across its normal or about it, like links that face each other across the
-// axis between them: it cannot be loaded.
-bool keeps_its_gap(const mjModel* m, const mjData* d, const mjContact& contact) {
-  if (contact.dist < contact.includemargin || contact.geom[0] < 0 || contact.geom[1] < 0)
-    return false;
-  const int dof1 = last_dof(m, m->geom_bodyid[contact.geom[0]]),
-            dof2 = last_dof(m, m->geom_bodyid[contact.geom[1]]);
-  const auto follows = [&](int dof, int parent) {
-    return dof >= 0 && m->dof_parentid[dof] == parent;
-  };
-  if (!follows(dof1, dof2) && !follows(dof2, dof1)) return false;
-  const int dof = follows(dof1, dof2) ? dof1 : dof2;
-  const mjtNum *axis = d->cdof + 6 * dof, *normal = contact.frame,
-               *centre = d->subtree_com + 3 * m->body_rootid[m->dof_bodyid[dof]];
-  mjtNum arm[3], velocity[3], off_axis[3];
-  mju_cross(off_axis, normal, axis);
-  if (mju_norm3(off_axis) > kDirection * mju_norm3(axis)) return false;
-  mju_sub3(arm, contact.pos, centre);
-  mju_cross(velocity, axis, arm);
-  mju_addTo3(velocity, axis + 3);
-  return std::abs(mju_dot3(normal, velocity)) < kDirection * mju_norm3(velocity);
-}
 
 // How fast (m/s) any place on a cylinder may come nearer to a plane, whatever spins about its axis.
 double closing_of_shape(const mjModel* m, const mjData* d, int plane, int cylinder,
@@ -135,7 +112,7 @@ bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
 void collide_candidates(mjModel* m, mjData* d, FaceBuffers* faces, Detection& detection,
                         Team& team) {
   const std::vector<CandidatePair>& near =
-      detection.candidates.near(m, d, detection.buffers.reach, detection.narrowing, team);
+      detection.candidates.near(m, d, detection.buffers, detection.narrowing, team);
   detection.narrowphase.find(m, d, near, faces, detection.scratch, team);
   detection.narrowphase.write(m, d, team);
 }

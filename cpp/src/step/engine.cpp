@@ -108,6 +108,7 @@ void Stepper::Impl::follow_edits() {
   host::check_options(model, parameters.options.law);
   host::follow_edited_masses(model);
   may_have_rows = host::may_have_rows(model);
+  detection.candidates.forget();
   kept_model.keep(model);
 }
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "dashpot/detect/bounds.hpp"
+#include "dashpot/detect/joint_gaps.hpp"
 #include "dashpot/detect/pair_filters.hpp"
 #include "dashpot/threads/team.hpp"
 
@@ -21,6 +22,7 @@ struct mjData_;
 namespace dashpot::host {
 
 class Narrowing;
+struct ReachBuffers;
 
 // A pair whose contacts are looked for less far, see detect/narrowing.hpp.
 struct NarrowedPair {
@@ -42,11 +44,12 @@ class CandidatePairs {
   static bool cover(const mjModel_* m, const mjData_* d);
 
   // Those whose bounds come within the distance that contacts are looked for, in the order of
-  // MuJoCo's contacts. `reach` (by geom, m) is how far geoms may move in the step. Valid until the
-  // next call.
+  // MuJoCo's contacts. `buffers` say how far geoms may move in the step. Valid until the next call.
   const std::vector<CandidatePair>& near(const mjModel_* m, const mjData_* d,
-                                         const std::vector<double>& reach, Narrowing& narrowing,
+                                         const ReachBuffers& buffers, Narrowing& narrowing,
                                          Team& team);
+  // Looks for all anew: the model was edited.
+  void forget();
 
  private:
   struct PlaneAsGathered {
@@ -57,11 +60,11 @@ class CandidatePairs {
   bool are_too_many(const std::vector<double>& reach) const;
   bool is_left(const mjModel_* m, const mjData_* d) const;
   void find_boxes(const mjModel_* m, const mjData_* d, Team& team);
-  void gather(const mjModel_* m, const mjData_* d, const std::vector<double>& reach);
+  void gather(const mjModel_* m, const mjData_* d, const ReachBuffers& buffers);
   void check_places(const mjModel_* m, const mjData_* d) const;
-  void gather_of_planes(const mjModel_* m, const mjData_* d);
-  void gather_of_rooms(const mjModel_* m);
-  void add(const mjModel_* m, int geom1, int geom2);
+  void gather_of_planes(const mjModel_* m, const mjData_* d, const ReachBuffers& buffers);
+  void gather_of_rooms(const mjModel_* m, const mjData_* d, const ReachBuffers& buffers);
+  void add(const mjModel_* m, const mjData_* d, int geom1, int geom2, const ReachBuffers& buffers);
   bool are_near(const mjModel_* m, const mjData_* d, const CandidatePair& pair) const;
 
   // What the filters read of the model, as it was; which geoms belong to which bodies stays.
@@ -72,6 +75,7 @@ class CandidatePairs {
   std::vector<Room> present_, rooms_;         // by geom
   std::vector<int> order_;                    // of bounded geoms along an axis
   std::vector<CandidatePair> all_, near_;
+  JointGaps joint_gaps_;
   // What threads find, by range of all_, until it is put together.
   struct NearOfRange {
     std::vector<CandidatePair> pairs;
