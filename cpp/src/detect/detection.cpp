@@ -189,10 +189,11 @@ bool anything_reads_rows(const mjModel_* m) {
   return m->nsensor > 0 || m->nplugin > 0 || m->nflex > 0;
 }
 
-void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
+void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+            const double* last_displacement, Detection& detection,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints,
             Team& team) {
-  detection.buffers.forget_least();
+  detection.buffers.start(m, last_displacement);
   detection.narrowphase.forget();
   detect_rows(m, d, acceleration, detection, contacts, constraints, team);
   call_with_callbacks(mj_sensorPos, m, d);

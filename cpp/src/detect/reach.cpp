@@ -93,9 +93,11 @@ bool moves_and_collides(const mjModel* m, int geom) {
   return moves && may_collide(m, geom);
 }
 
-void ReachBuffers::forget_least() {
-  std::fill(least_reach.begin(), least_reach.end(), 0.0);
-  std::fill(least_dof_reach.begin(), least_dof_reach.end(), 0.0);
+void ReachBuffers::start(const mjModel_* m, const double* last_displacement) {
+  least_reach.assign(m->ngeom, 0.0);
+  least_dof_reach.assign(m->nv, 0.0);
+  if (!last_displacement) return;
+  for (int i = 0; i < m->nv; ++i) least_dof_reach[i] = std::abs(last_displacement[i]);
 }
 
 double ReachBuffers::own_gap(const std::array<int, 2>& geom, int pair) const {

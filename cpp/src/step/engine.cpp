@@ -144,7 +144,8 @@ void Stepper::Impl::start_substep(mjData_* d, bool new_control, host::Sensors se
 
 void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
   do {
-    host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
+    host::detect(model, d, motion.smooth_acceleration(), memory(d).held_motion().displacement,
+                 detection, contacts, constraints, team);
     mocap.drive(constraints);
   } while (wake_reached(d, mocap));
   sleeping.leave_out(model, d, contacts, constraints);

@@ -52,8 +52,10 @@ bool anything_reads_rows(const mjModel_* m);
 // and MuJoCo's own constraint rows for what was found, those of contacts as `detection` asks. The
 // model's gaps and margins are widened during the call and restored. Throws std::runtime_error
 // where contacts or required rows exceed the memory of the model.
-// `acceleration` is the smooth generalized acceleration over the step (nv).
-void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
+// `acceleration` is the smooth generalized acceleration over the step (nv), `last_displacement` how
+// far each degree of freedom went in the last one (nv), or null.
+void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+            const double* last_displacement, Detection& detection,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints,
             Team& team);
 // The contacts of the present positions within the model's own margins and gaps, from where
