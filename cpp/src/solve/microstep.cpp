@@ -53,14 +53,31 @@ void coast(const Tree& t, double time, RowData& data) {
 }
 
 // What a thread takes at once: trees of a large island, or groups of small ones.
-constexpr int kTreesAtOnce = 32, kGroupsAtOnce = 8;
+constexpr int kTreesAtOnce = 32, kGroupsAtOnce = 16;
+
+// Whether an island needs no micro-steps, flows in closed form over all of them, or takes them.
+enum class Course : char { kApart, kAtOnce, kInMicrosteps };
+
+// An island, or small ones that follow one another and flow alike: their groups fill lanes
+// together.
+struct Batch {
+  Island island;
+  Course course;
+
+  bool may_take(const Island& next, Course course_of_next) const {
+    return course == course_of_next && island.microsteps == next.microsteps &&
+           island.duration == next.duration && island.group.last == next.group.first &&
+           island.tree.last == next.tree.first &&
+           island.group_count() + next.group_count() <= kGroupsAtOnce;
+  }
+};
 
 // The micro-steps of one island at a time. Has arrays of its own of all that rows apply, also to
 // the ground, and of what the ground does meanwhile.
 struct IslandLoop {
   // Returns the energies that go to RowData::work and RowData::recovery_input.
-  IslandWork run(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
-                 RowData& data, Team& team);
+  IslandWork run(const Rows& rows, const Trees& trees, const Island& island, Course course,
+                 double recovery_speed, RowData& data, Team& team);
 
   IslandBlocks blocks;
   const SweepFunctions& sweeps = fastest_sweeps();
@@ -186,9 +203,9 @@ void IslandLoop::run_microsteps(IslandMotion& m, int count, Team& team) {
 }
 
 IslandWork IslandLoop::run(const Rows& rows, const Trees& trees, const Island& island,
-                           double recovery_speed, RowData& data, Team& team) {
+                           Course course, double recovery_speed, RowData& data, Team& team) {
   // Its stiffness is that of the micro-steps planned.
-  const bool at_once = flows_alone(rows, trees, island, recovery_speed, data);
+  const bool at_once = course == Course::kAtOnce;
   const int count = at_once ? 1 : island.microsteps;
   const double h = at_once ? island.microsteps * island.duration : island.duration;
   blocks.pack(rows, trees, island, h, recovery_speed, data, team);
@@ -208,10 +225,11 @@ struct MicrostepLoop::Impl {
   explicit Impl(int threads) : loops(threads) {}
 
   std::vector<IslandLoop> loops;  // by worker
-  std::vector<const Island*> small;
-  std::vector<char> moved;       // by tree
-  std::vector<int> in_flight;    // trees that no island moves
-  std::vector<IslandWork> work;  // by island
+  std::vector<Course> course;     // by island
+  std::vector<Batch> batches;
+  std::vector<IslandWork> work;       // by batch
+  std::vector<int> small, in_flight;  // batches that a thread has to itself; trees that none moves
+  std::vector<char> moved;            // by tree
   Team alone{1};
 };
 
@@ -221,51 +239,74 @@ MicrostepLoop::~MicrostepLoop() = default;
 void MicrostepLoop::run(const Rows& rows, const Trees& trees, const std::vector<Island>& islands,
                         const std::vector<char>& linked, double recovery_speed, double time,
                         RowData& data, Team& team) {
+  std::vector<IslandLoop>& loops = impl_->loops;
+  std::vector<Course>& course = impl_->course;
+  std::vector<Batch>& batches = impl_->batches;
   std::vector<IslandWork>& work = impl_->work;
-  work.assign(islands.size(), IslandWork());
+  std::vector<int>&small = impl_->small, &in_flight = impl_->in_flight;
   std::vector<char>& moved = impl_->moved;
+  Team& alone = impl_->alone;
+  const int all = static_cast<int>(islands.size());
+  course.resize(all);
+  team.for_each(all, kGroupsAtOnce, [&](int i) {
+    course[i] = stays_apart(rows, islands[i], time, data) ? Course::kApart
+                : flows_alone(rows, trees, islands[i], recovery_speed, data)
+                    ? Course::kAtOnce
+                    : Course::kInMicrosteps;
+  });
   moved.assign(trees.tree.size(), 0);
-  const auto run_island = [&](const Island& island, int worker, Team& shared_by) {
-    if (stays_apart(rows, island, time, data)) return;
+  batches.clear();
+  for (int i = 0; i < all; ++i) {
+    if (course[i] == Course::kApart) continue;
+    const Island& island = islands[i];
     for (int tree : island.tree) moved[tree] = 1;
-    work[&island - islands.data()] =
-        impl_->loops[worker].run(rows, trees, island, recovery_speed, data, shared_by);
-  };
-  std::vector<const Island*>& small = impl_->small;
-  small.clear();
-  int groups = 0;
-  for (const Island& island : islands) {
-    if (IslandBlocks::has_slices(island)) {
-      run_island(island, 0, team);
+    if (batches.empty() || !batches.back().may_take(island, course[i])) {
+      batches.push_back({island, course[i]});
       continue;
     }
-    small.push_back(&island);
-    groups += island.group_count();
+    batches.back().island.group.last = island.group.last;
+    batches.back().island.tree.last = island.tree.last;
+  }
+  const int count_of_batches = static_cast<int>(batches.size());
+  work.assign(count_of_batches, IslandWork());
+  const auto run_batch = [&](int i, int worker, Team& shared_by) {
+    const Batch& batch = batches[i];
+    work[i] =
+        loops[worker].run(rows, trees, batch.island, batch.course, recovery_speed, data, shared_by);
+  };
+  small.clear();
+  int groups = 0;
+  for (int i = 0; i < count_of_batches; ++i) {
+    if (IslandBlocks::has_slices(batches[i].island)) {
+      run_batch(i, 0, team);
+      continue;
+    }
+    small.push_back(i);
+    groups += batches[i].island.group_count();
   }
   const int count = static_cast<int>(small.size());
   team.share(count, groups > 0 ? (count * kGroupsAtOnce + groups - 1) / groups : 1,
              [&](int worker, int first, int last) {
-               for (int i = first; i < last; ++i) run_island(*small[i], worker, impl_->alone);
+               for (int i = first; i < last; ++i) run_batch(small[i], worker, alone);
              });
-  std::vector<int>& in_flight = impl_->in_flight;
   in_flight.clear();
   for (size_t tree = 0; tree < trees.tree.size(); ++tree)
     if (linked[tree] && !moved[tree]) in_flight.push_back(static_cast<int>(tree));
-  team.share(static_cast<int>(in_flight.size()), kTreesAtOnce,
-             [&](int worker, int first, int last) {
-               for (int i = first; i < last; ++i) {
-                 const Tree& t = trees.tree[in_flight[i]];
-                 if (!t.damped && !t.sprung) {
-                   coast(t, time, data);
-                   continue;
-                 }
-                 Island alone;
-                 alone.tree = {&in_flight[i], &in_flight[i] + 1};
-                 alone.microsteps = kMinimumMicrosteps;
-                 alone.duration = time / kMinimumMicrosteps;
-                 impl_->loops[worker].run(rows, trees, alone, recovery_speed, data, impl_->alone);
-               }
-             });
+  team.share(
+      static_cast<int>(in_flight.size()), kTreesAtOnce, [&](int worker, int first, int last) {
+        for (int i = first; i < last; ++i) {
+          const Tree& t = trees.tree[in_flight[i]];
+          if (!t.damped && !t.sprung) {
+            coast(t, time, data);
+            continue;
+          }
+          Island free;
+          free.tree = {&in_flight[i], &in_flight[i] + 1};
+          free.microsteps = kMinimumMicrosteps;
+          free.duration = time / kMinimumMicrosteps;
+          loops[worker].run(rows, trees, free, Course::kInMicrosteps, recovery_speed, data, alone);
+        }
+      });
   for (const IslandWork& of_island : work) {
     data.work += of_island.work;
     data.recovery_input += of_island.recovery_input;
