@@ -65,7 +65,8 @@ class MicrostepLoop {
 
   // Runs the micro-steps of all islands in which a row may act within the `time` (s) of the step,
   // and moves all other trees that are `linked` (by tree) and fly. Threads share large islands, and
-  // have small ones each to itself; the team has no more than `threads`.
+  // have small ones to themselves, those that follow each other and flow alike as one; the team has
+  // no more than `threads`.
   void run(const Rows& rows, const Trees& trees, const std::vector<Island>& islands,
            const std::vector<char>& linked, double recovery_speed, double time, RowData& data,
            Team& team);
