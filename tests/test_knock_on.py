@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import mujoco
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ JOINTS = {
 }
 
 
+@functools.cache
 def row_after_impact(count):
     """Return the velocities that a ball leaves to a row of equal ones that touch, 1 kg each."""
 
