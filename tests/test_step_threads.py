@@ -23,14 +23,14 @@ from shared_step_scenes import STATE, Start, at_rest, pile, scene, settled, stat
 
 # Into how many calls, of how many steps each, a run is divided.
 RUNS: dict[Callable[[int], Start], tuple[int, int]] = {
-    scenes.bin_of_all_shapes: (8, 8),
-    scenes.bin_with_rolling_friction: (8, 8),
-    scenes.bin_of_materials: (8, 8),
-    scenes.bin_on_hills: (8, 8),
+    scenes.bin_of_all_shapes: (6, 8),
+    scenes.bin_with_rolling_friction: (6, 8),
+    scenes.bin_of_materials: (6, 8),
+    scenes.bin_on_hills: (6, 8),
     scenes.brick_wall: (2, 3),
-    scenes.loop_on_a_bin: (8, 8),
-    scenes.arms_in_a_bin: (8, 8),
-    scenes.robots_apart: (8, 8),
+    scenes.loop_on_a_bin: (6, 8),
+    scenes.arms_in_a_bin: (6, 8),
+    scenes.robots_apart: (6, 8),
     scenes.bin_that_is_shot_at: (1, 1),
 }
 
