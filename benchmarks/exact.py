@@ -10,6 +10,7 @@ forms; the instants between them (onset, release at zero force) are roots, found
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -89,18 +90,21 @@ class BouncingBall:
                 gap, rate = self._flow(phase, end)
                 phase = Phase(phase.start + end, gap, rate, not phase.contact)
 
+    def _phase_at(self, time: float) -> Phase:
+        return self.phases[bisect_right(self.phases, time, key=lambda phase: phase.start) - 1]
+
     def state(self, time: float) -> tuple[float, float]:
         """Gap (m) and gap rate (m/s) at `time` (s)."""
         with mp.workdps(DIGITS):
             t = mp.mpf(time)
-            phase = [p for p in self.phases if p.start <= t][-1]
+            phase = self._phase_at(t)
             gap, rate = self._flow(phase, t - phase.start)
             return float(gap), float(rate)
 
     def energy(self, time: float) -> float:
         """Kinetic, gravitational and elastic energy (J) at `time` (s)."""
         gap, rate = self.state(time)
-        phase = [p for p in self.phases if p.start <= time][-1]
+        phase = self._phase_at(time)
         elastic = 0.5 * self.stiffness * gap**2 if phase.contact else 0.0
         return 0.5 * self.mass * rate**2 + self.mass * self.gravity * gap + elastic
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Mapping
 from math import cos, radians, sin
@@ -13,6 +14,7 @@ from dashpot import Material
 from scene import GRAVITY, Array, Run, Scene, free_body, mjcf, set_velocity
 
 
+@functools.cache
 def ball_drop(*, restitution: float = 0.9, stiffness: float = 1e4) -> Scene:
     """Drop a ball of 1 kg and 0.1 m radius by 1 m on a rigid floor; first 10 apices."""
     from exact import BouncingBall, damping_ratio_of

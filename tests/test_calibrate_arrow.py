@@ -350,7 +350,7 @@ def test_no_more_is_stored_than_a_trajectory_needs():
 
 
 def test_many_throws_of_unknown_initial_states_recover_the_truth():
-    result = fit(throws(30), starts=0)
+    result = fit(throws(20), starts=0)
     assert result.converged
     assert result.noise_explains
     assert result.errors == "clustered"

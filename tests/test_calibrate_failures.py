@@ -28,8 +28,16 @@ def spinner(start=0.15):
     return Problem(engine, [unknown], [seen], 1e-4, 1e-3)
 
 
-@pytest.mark.parametrize("method", ["least_squares", "cma", "cma+least_squares"])
-@pytest.mark.parametrize("options", [{}, {"starts": 8}, {"starts": 0}])
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [
+        ("least_squares", {}),
+        ("least_squares", {"starts": 8}),
+        ("least_squares", {"starts": 0}),
+        ("cma", {}),
+        ("cma+least_squares", {}),
+    ],
+)
 def test_candidates_that_are_no_bodies_are_no_estimates(method, options):
     """Two thirds of the range of a moment of inertia make no body; the search goes round them."""
     result = fit(spinner(), method=method, **options)

@@ -22,7 +22,7 @@ BALL = """
 </mujoco>
 """
 TRUTH = {"stiffness": 8e3, "restitution": 0.75}
-RATE, SUBSTEPS, NOISE = 120.0, 5, 1e-3  # Hz, steps a frame, m
+RATE, SUBSTEPS, NOISE = 120.0, 3, 1e-3  # Hz, steps a frame, m
 
 
 def unknown():

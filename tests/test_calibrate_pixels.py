@@ -660,8 +660,7 @@ def test_rows_that_count_from_below_are_told_by_a_fall(change, said, tilt):
     assert (said is None and not found) or said in found["fall"]
 
 
-@pytest.mark.parametrize("start", [0.02, 0.2])
-def test_of_a_marble_that_rolls_friction_is_not_identified(start):
+def test_of_a_marble_that_rolls_friction_is_not_identified():
     """Any from two sevenths of the slope on will do; it must not end where all of it slides."""
     time, pixels = marble(ROLLING, np.random.default_rng(1))
     system = dashpot.Engine(mujoco.MjModel.from_xml_string(RAMP))
@@ -669,7 +668,7 @@ def test_of_a_marble_that_rolls_friction_is_not_identified(start):
     film = Trajectory.of_sensors(
         "roll", time, pixels={"marble": pixels}, camera=ImagePlane(scale=900, origin=(60, 90))
     )
-    friction = Parameter.pair("marble", "ramp", "sliding_friction", start=start, bounds=(0.01, 1.0))
+    friction = Parameter.pair("marble", "ramp", "sliding_friction", start=0.02, bounds=(0.01, 1.0))
     problem = Problem(
         system,
         [friction],

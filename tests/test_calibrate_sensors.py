@@ -239,9 +239,7 @@ def landing_problem(trajectories, noise, **options):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "noise", [{"encoder": 1e-4}, {"imu": 0.5}, {"plate": 2.0}, {"encoder": 1e-3, "plate": 5.0}]
-)
+@pytest.mark.parametrize("noise", [{"imu": 0.5}, {"encoder": 1e-3, "plate": 5.0}])
 def test_sensors_tell_stiffness_and_restitution_of_a_landing_leg(noise):
     drop = landing(noise, noise, seed=4)
     result = fit(landing_problem([drop], noise))

@@ -23,7 +23,7 @@ TRUTH = {"stiffness": 1e4, "damping": 20.0, "sliding_friction": 0.3}
 FAR = (2e5, 300.0, 0.02)
 
 
-def throws(start, frames=60):
+def throws(start, frames=45):
     """Two throws of a ball that bounces several times; the first touches down after 69 ms."""
     engine = ball_engine()
     rng = np.random.default_rng(8)
@@ -125,10 +125,15 @@ def test_evolution_takes_windows_by_itself(method):
         assert result[name].value == pytest.approx(value, rel=0.05)
 
 
-@pytest.mark.parametrize("budget", [1, 40, 150, 400])
-@pytest.mark.parametrize("start", [FAR, (8e3, 25.0, 0.25)])
-@pytest.mark.parametrize("state", ["given", "pose_and_velocity"])
-def test_the_budget_holds_for_the_whole_fit(budget, start, state):
+@pytest.mark.parametrize(
+    ("start", "state", "budget"),
+    [
+        *((FAR, "pose_and_velocity", budget) for budget in (1, 40, 150, 400)),
+        *((FAR, "given", budget) for budget in (40, 150)),
+        *(((8e3, 25.0, 0.25), "given", budget) for budget in (1, 40, 400)),
+    ],
+)
+def test_the_budget_holds_for_the_whole_fit(start, state, budget):
     """Beyond it comes a batch at most: derivatives by central differences of all unknowns."""
     result = fit(replace(throws(start), initial_state=state), max_evaluations=budget)
     batch = 2 * (len(TRUTH) + (0 if state == "given" else 12))
@@ -197,8 +202,8 @@ def test_windows_grow_from_the_onset_of_contact():
     touches = [(-speed + math.sqrt(speed**2 + 2 * 9.81 * 0.1)) / 9.81 for speed in (0.0, 1.0)]
     onset = windows[0] - (windows[1] - windows[0])  # shares of 1/8 and 1/4
     assert min(touches) < onset < max(touches) + 0.03  # frames are 10 ms apart
-    np.testing.assert_allclose(np.diff(windows), (0.59 - onset) * np.array([0.125, 0.25]))
-    assert windows[-1] < 0.59
+    np.testing.assert_allclose(np.diff(windows), (0.44 - onset) * np.array([0.125, 0.25]))
+    assert windows[-1] < 0.44
 
 
 def test_without_contact_there_are_no_windows():
@@ -235,7 +240,7 @@ def test_starts_whose_simulation_fails_are_left_out():
 
 def test_a_tumbling_box_is_fitted_from_a_far_start():
     """Every edge that strikes makes valleys, which the windows go round."""
-    xml = """<mujoco><option timestep="0.002"/><worldbody>
+    xml = """<mujoco><option timestep="0.005"/><worldbody>
       <geom name="floor" type="plane" size="5 5 .1"/>
       <body name="body" pos="0 0 .2"><freejoint/>
         <geom name="box" type="box" size=".06 .05 .04" mass=".5"/></body></worldbody></mujoco>"""
@@ -244,7 +249,7 @@ def test_a_tumbling_box_is_fitted_from_a_far_start():
     engine.set_pair_material("box", "floor", dashpot.Material(2e4, restitution=0.5, friction=0.35))
     rng = np.random.default_rng(6)
     trajectories = []
-    for i in range(3):
+    for i in range(2):
         velocity = 3.0 * rng.normal(size=6)
         velocity[2] = -0.5
         trajectories.append(observe(engine, velocity, 50, rng, f"throw {i}"))
@@ -274,7 +279,7 @@ def test_the_example_of_the_package_runs():
     truth = dashpot.Material(2e4, restitution=0.6, friction=0.2)
     engine.set_pair_material("ball", "floor", truth)
     rng = np.random.default_rng(2)
-    seen = [observe(engine, [1.0, 0.3 * i, -0.5, 0, 1, 0], 40, rng) for i in range(5)]
+    seen = [observe(engine, [1.0, 0.3 * i, -0.5, 0, 1, 0], 30, rng) for i in range(5)]
     scope = {
         "engine": engine,
         "recordings": [(t.time, t.position[:, 0], t.quaternion[:, 0]) for t in seen],
@@ -293,7 +298,7 @@ def test_the_example_of_the_package_runs():
 def test_a_ball_that_rolls_is_not_thought_to_fall(loss):
     """Recorded 50 times a second: a free ball would be 31 mm lower after the first five frames."""
     model = mujoco.MjModel.from_xml_string(
-        """<mujoco><option timestep="0.002"/><worldbody>
+        """<mujoco><option timestep="0.005"/><worldbody>
           <geom name="floor" type="plane" size="5 5 .1" condim="6"/>
           <body name="ball" pos="0 0 .05"><freejoint/>
             <geom name="ball" size=".05" mass=".2" condim="6"/></body></worldbody></mujoco>"""
@@ -306,12 +311,12 @@ def test_a_ball_that_rolls_is_not_thought_to_fall(loss):
     for i, v in enumerate((0.6, 0.9)):
         data = engine.make_data()
         data.qvel[[0, 4]] = v, v / 0.05
-        poses = np.empty((80, 7))
+        poses = np.empty((60, 7))
         for pose in poses:
             pose[:] = data.qpos
-            engine.step(data, 10)
-        poses[:, :3] += 5e-4 * rng.normal(size=(80, 3))
-        time = 0.02 * np.arange(80)
+            engine.step(data, 4)
+        poses[:, :3] += 5e-4 * rng.normal(size=(60, 3))
+        time = 0.02 * np.arange(60)
         rolls.append(Trajectory(f"roll {i}", time, poses[:, :3], poses[:, 3:], "ball"))
     unknown = [Parameter.pair("ball", "floor", "rolling_friction", start=1e-3, bounds=(1e-5, 0.1))]
     problem = Problem(
@@ -319,9 +324,11 @@ def test_a_ball_that_rolls_is_not_thought_to_fall(loss):
     )
     velocity = Objective(problem).start(robust=loss != "linear")[1:].reshape(2, 2, 6)[:, 0, 2]
     assert (np.abs(velocity) < 0.05).all()  # of noise; a fall would make 0.39 m/s of it
+    if loss != "linear":
+        return  # a search from where it begins is the same
     # The cost is rough where a ball that rolls touches: a search may go on to no end, and ends some
     # percent off.
-    result = fit(problem, loss=loss, starts=0, max_evaluations=300)
+    result = fit(problem, loss=loss, starts=0, max_evaluations=200)
     assert result.noise_explains
     assert result["rolling_friction"].value == pytest.approx(8e-4, rel=0.05)
 
@@ -345,13 +352,13 @@ def test_a_block_that_slides_from_the_first_frame_on_is_identified():
         data = recorded.make_data()
         data.qvel[:2] = rng.uniform([1.0, -0.2], [1.5, 0.2])
         data.qvel[5] = rng.uniform(-2.0, 2.0)
-        poses = np.empty((60, 7))
+        poses = np.empty((36, 7))
         for pose in poses:
             pose[:] = data.qpos
             pose[:3] += 5e-4 * rng.normal(size=3)
             mujoco.mju_quatIntegrate(pose[3:], 5e-3 * rng.normal(size=3), 1.0)
             recorded.step(data, 3)
-        time = 0.01 * np.arange(60)
+        time = 0.01 * np.arange(36)
         slides.append(Trajectory(f"slide {i}", time, poses[:, :3], poses[:, 3:], "block"))
     unknown = [Parameter.pair("block", "floor", "sliding_friction", start=0.5, bounds=(0.02, 2.0))]
     problem = Problem(engine, unknown, slides, 5e-4, 5e-3, initial_state="pose_and_velocity")

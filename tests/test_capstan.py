@@ -62,7 +62,7 @@ def test_a_chain_that_a_drum_holds_does_not_tremble(timestep: float) -> None:
     assert energy.dissipated_normal - start.dissipated_normal > -1e-7
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.004])
+@pytest.mark.parametrize("timestep", [0.002, 0.004])
 def test_what_hangs_on_a_chain_comes_to_rest(timestep: float) -> None:
     """Its first joint stands on the drum by all links between, which turn though those do not."""
     engine = dashpot.Engine(chain_on_drum(timestep, 1.5, links=60))

@@ -148,7 +148,7 @@ class FourBar:
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicit"])
 @pytest.mark.parametrize("span", [0.4, 0.55, 0.59])
-@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002])
+@pytest.mark.parametrize("timestep", [0.001, 0.002])
 def test_a_four_bar_swings_as_its_one_degree_of_freedom(span, timestep, integrator):
     """Links of 3 x 0.2 m; at a span of 0.59 m the loop is never far from straight."""
     bar = FourBar(span)

@@ -63,7 +63,7 @@ def throws(
 
 
 @pytest.mark.parametrize("material", [RIGID, STIFF], ids=["rigid", "stiff"])
-@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002])
+@pytest.mark.parametrize("timestep", [0.001, 0.002])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_no_elastic_hit_loses_energy(shape, timestep, material):
     """One in ten lost up to two thirds: springs lost what they stored where a step ended in a hit.

@@ -1,5 +1,7 @@
 """Meshes that lie flat on planes, boxes and each other: points of their faces, and rest."""
 
+import itertools
+
 import mujoco
 import numpy as np
 import pytest
@@ -169,8 +171,10 @@ def rest(model, time, material=None):
 
 
 @pytest.mark.parametrize("material", [None, Material(1e6, damping_ratio=1.0)], ids=["rigid", "SI"])
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
-@pytest.mark.parametrize("sides", [3, 4, 5, 6, 8, 16])
+@pytest.mark.parametrize(
+    ("sides", "timestep"),
+    [(5, 0.001), *itertools.product((3, 4, 5, 6, 8, 16), (0.002, 0.005))],
+)
 def test_stack_of_prisms_comes_to_rest_and_nothing_is_recovered_there(sides, timestep, material):
     fastest, recovered, engine, data = rest(stack(sides, timestep), 4.0, material)
     # The slowest modes, swaying, decay at some 10 1/s. Where points of faces come and go a stack
@@ -225,7 +229,7 @@ def pile_of_prisms(seed, timestep):
     return scene(asset("prism", prism(6)), walls + bodies, timestep, option='ccd_tolerance="1e-9"')
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 def test_nothing_is_recovered_in_a_pile_of_prisms_that_has_settled(timestep):
     # A body that leans on two points may swing out of its balance for seconds, as it should: 4 of
     # 120 piles have one. Where points of faces and edges come and go, bodies rattle on a hundredth

@@ -132,7 +132,7 @@ def test_an_edge_whirls_about_its_middle(timestep):
     )
 
 
-@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002])
+@pytest.mark.parametrize("timestep", [0.001, 0.002])
 @pytest.mark.parametrize("count", [4, 7, 9])
 def test_a_taut_rope_gains_no_energy(count, timestep):
     """Exactly straight between two pins, under its weight: it can only stretch."""

@@ -151,7 +151,7 @@ def engine_of_fall(shape, clearances, timestep, impact="none"):
 
 
 @pytest.mark.parametrize("impact", ["none", "cut"])
-@pytest.mark.parametrize("timestep", [1e-3, 2e-3, 5e-3])
+@pytest.mark.parametrize("timestep", [2e-3, 5e-3])
 @pytest.mark.parametrize("shape", FALLING)
 def test_body_falls_past_an_edge_that_it_clears(shape, timestep, impact):
     # In steps of a few percent of its half-width gravity adds enough for the plane across the edge
@@ -159,7 +159,7 @@ def test_body_falls_past_an_edge_that_it_clears(shape, timestep, impact):
     for clearance in (5e-5, 2e-4, 5e-4, 1e-3):
         engine = engine_of_fall(shape, {1: clearance}, timestep, impact)
         for way in (5e-4, 1e-3, 1.9e-3, 4e-3):
-            for height in np.linspace(0.3, 1.5, 25) * way:
+            for height in np.linspace(0.3, 1.5, 13) * way:
                 assert change_beside_gravity(engine, height, way / timestep, 4) < 1e-9
 
 

@@ -6,7 +6,7 @@ import pytest
 import dashpot
 from grasps import LINK, Grasp, linkage
 
-TIMESTEPS = (0.001, 0.002, 0.005)
+TIMESTEPS = (0.002, 0.005)
 
 
 def gripped(timestep: float, **options: float) -> tuple[Grasp, dashpot.Engine, object]:

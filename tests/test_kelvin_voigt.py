@@ -92,13 +92,13 @@ def draw(damping, situation, count):
 @pytest.mark.parametrize("damping", DAMPING)
 def test_flow_matches_reference(damping, situation):
     # Rounding of the phase omega t alone may cost omega t * 1e-16 = 1e-12 at w k h^2 = 1e8.
-    for case in draw(damping, situation, 20):
+    for case in draw(damping, situation, 10):
         errors = natural_errors(case)
         assert max(errors) <= TOLERANCE, (case, errors)
 
 
-@pytest.mark.parametrize("zeta", [0.0, 0.05, 0.3, 0.9, 1.0, 1.2, 3.0, 20.0])
-@pytest.mark.parametrize("fraction", [1e-6, 0.1, 0.5, 0.9, 1.0 - 1e-9, 1.0 - 1e-13])
+@pytest.mark.parametrize("zeta", [0.0, 0.3, 1.0, 1.2, 20.0])
+@pytest.mark.parametrize("fraction", [1e-6, 0.5, 1.0 - 1e-9, 1.0 - 1e-13])
 def test_release_anywhere_in_the_interval(zeta, fraction):
     omega, w, v = 512.0, 0.25, 1.3
     if zeta < 1.0:

@@ -50,7 +50,7 @@ def contacts(draw_value):
     )
 
 
-every_contact = settings(max_examples=150, deadline=None)
+every_contact = settings(max_examples=60, deadline=None)
 
 
 @every_contact

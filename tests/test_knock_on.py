@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import mujoco
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ JOINTS = {
 }
 
 
+@functools.cache
 def row_after_impact(count):
     """Return the velocities that a ball leaves to a row of equal ones that touch, 1 kg each."""
 
@@ -180,7 +183,7 @@ def test_plank_that_claps_down_on_its_other_end_keeps_its_energy(timestep, tilt)
 
 
 @pytest.mark.parametrize("impact", ["none", "cut"])
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 @pytest.mark.parametrize("phase", [0.1, 0.3, 0.8])
 def test_a_ball_that_hits_two_in_a_row_loses_no_energy(phase, timestep, impact):
     """On a smooth table. Cut at the impacts, contacts stiffen while they are compressed.

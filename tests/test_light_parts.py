@@ -29,7 +29,7 @@ def light_on_heavy(timestep: float, light: float, drive: str, integrator: str) -
 
 @pytest.mark.parametrize("drive", ["spring", "servo"])
 @pytest.mark.parametrize("light", [0.5, 5.0, 50.0])
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 def test_a_spring_on_a_light_part_of_a_heavy_one_keeps_its_energy(timestep, light, drive):
     engine = light_on_heavy(timestep, light, drive, "Euler")
     data = engine.make_data()

@@ -22,7 +22,7 @@ from rolling import (
 )
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 @pytest.mark.parametrize("joints", JOINTS)
 def test_a_tumbler_swings_on_with_its_energy(joints, timestep):
     """Frozen at the start of each step, contact doubled it in 20 s at 2 ms."""
@@ -41,7 +41,7 @@ def test_a_tumbler_swings_on_with_its_energy_on_any_flat_ground(ground):
     assert np.abs(change).max() < (1e-2 if ground == "height field" else 1e-3)
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 @pytest.mark.parametrize("joints", JOINTS)
 def test_a_tumbler_on_a_swing_keeps_the_energy_of_both(joints, timestep):
     """The board is a link. With both frozen at the start it gains a tenth in 10 s at 2 ms."""

@@ -43,9 +43,7 @@ def velocity_of_centre(model, data):
     return data.subtree_linvel[model.body("link0").id].copy()
 
 
-@pytest.mark.parametrize(
-    ("links", "timestep"), [(24, 0.001), (24, 0.002), (24, 0.005), (12, 0.005)]
-)
+@pytest.mark.parametrize(("links", "timestep"), [(24, 0.002), (24, 0.005), (12, 0.005)])
 @pytest.mark.parametrize("joints", [BALL, HINGES], ids=["ball", "hinges"])
 @pytest.mark.parametrize(
     ("integrator", "material"),
@@ -72,7 +70,7 @@ def test_a_rope_coasts_on_a_floor_without_friction(integrator, material, joints,
     assert np.abs(data.qvel[6:]).max() < 1e-4
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 def test_a_rope_that_is_thrown_along_itself_slides_as_far_as_a_block(integrator, timestep):
     friction, speed = 0.3, 2.0
@@ -89,8 +87,7 @@ def test_a_rope_that_is_thrown_along_itself_slides_as_far_as_a_block(integrator,
     assert data.subtree_com[1, 0] - start == pytest.approx(way, abs=1e-4 + GRAVITY * timestep**2)
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
-@pytest.mark.parametrize("links", [12, 24])
+@pytest.mark.parametrize(("links", "timestep"), [(24, 0.002), (24, 0.005), (12, 0.005)])
 @pytest.mark.parametrize("towed", ["connect", "weld"])
 def test_a_rope_follows_what_tows_it(towed, links, timestep):
     """It whirled at 20 rad/s and pushed the carriage, from 2 ms on with 24 links."""
@@ -112,7 +109,7 @@ def test_a_rope_follows_what_tows_it(towed, links, timestep):
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.002])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_rope_that_falls_limp_has_no_more_energy_than_before(seed, timestep):
     """A little armature about the axes of its links, as such ropes need in MuJoCo."""
     links, armature, damping = 20, 1e-6, 1e-4

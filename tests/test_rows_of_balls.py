@@ -50,7 +50,7 @@ def speeds_after_blow(balls, moving, *, timestep, phase, stiffness=None, **optio
     return data.qvel.copy()
 
 
-@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
 @pytest.mark.parametrize(("balls", "moving"), [(3, 1), (4, 1), (5, 1), (5, 2), (8, 1)])
 def test_rigid_balls_that_touch_pass_a_blow_on_as_equal_springs_do(balls, moving, timestep):
     # The last of five left with 0.71, for contacts that the blow had yet to reach were stiffer.

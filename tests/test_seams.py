@@ -203,7 +203,7 @@ def roll(shape, *, tiles, stiffness, timestep, across):
     return np.array(poses)
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 @pytest.mark.parametrize("stiffness", [2e3, 2e4, 2e6])
 @pytest.mark.parametrize(
     ("shape", "across"), [("ball", False), ("ball", True), ("egg", False), ("wheel", False)]

@@ -16,7 +16,7 @@ import dashpot
 from legged_scenes import Quadruped
 
 STIFFNESS, MASS = 5000.0, 5.0  # N/m, kg
-TIMESTEPS = (0.0005, 0.001, 0.002)
+TIMESTEPS = (0.001, 0.002)
 
 
 def size_of_swing(heights: list[float], last: int) -> float:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 GRAVITY, FRICTION, MASS = 9.81, 0.5, 0.5
-TIMESTEPS = [0.001, 0.002, 0.005]
+TIMESTEPS = [0.002, 0.005]
 SHAPES = {"box": 'type="box" size=".05 .05 .02"', "ball": 'size=".02"'}
 
 

@@ -106,7 +106,7 @@ GROUNDS = {
 }
 
 
-@pytest.mark.parametrize("fine", [3, 9, 15])
+@pytest.mark.parametrize("fine", [3, 15])
 @pytest.mark.parametrize(("sag", "load"), [(1e-4, 0.0), (1e-4, 50.0), (1e-4, 300.0), (5e-4, 50.0)])
 @pytest.mark.parametrize("ground", GROUNDS)
 def test_what_has_a_shallow_bottom_comes_to_rest(ground, sag, load, fine):
@@ -120,8 +120,8 @@ def test_what_has_a_shallow_bottom_comes_to_rest(ground, sag, load, fine):
     assert engine.contacts(data).force[:, 0].sum() == pytest.approx(load + GRAVITY, rel=1e-6)
 
 
-@pytest.mark.parametrize("fine", [31, 41])
-@pytest.mark.parametrize(("sag", "load"), [(1e-4, 0.0), (1e-4, 50.0), (5e-4, 50.0)])
+@pytest.mark.parametrize("fine", [31])
+@pytest.mark.parametrize(("sag", "load"), [(1e-4, 0.0), (5e-4, 50.0)])
 @pytest.mark.parametrize("ground", GROUNDS)
 def test_a_finer_bottom_touches_in_no_more_points(ground, sag, load, fine):
     """Of all its corners up to 48 touched: they are deeper than those between them stand out."""
@@ -155,7 +155,7 @@ def test_a_body_of_thousands_of_corners_comes_to_rest(ground, rings):
     assert contacts.force[:, 0].sum() == pytest.approx(4.0 * GRAVITY, rel=1e-6)
 
 
-@pytest.mark.parametrize("fine", [3, 9, 15])
+@pytest.mark.parametrize("fine", [3, 15])
 def test_what_has_a_shallow_bottom_stands_on_a_bar(fine):
     """Ridges cross both sides of the bar, more than there is room for: it needs points of both."""
     model = domed(fine, sag=1e-4, ground="type='box' size='.2 .004 .1' pos='0 0 -.1'")

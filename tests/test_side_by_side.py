@@ -109,7 +109,7 @@ def check_rest(engine, data, load):
     assert contacts.force[slab, 0].sum() == pytest.approx(load, rel=1e-3)
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 @pytest.mark.parametrize("angle", [0.0, 0.03, 0.06, 0.2])
 @pytest.mark.parametrize("shapes", list(itertools.product(["capsule", "cylinder"], repeat=2)))
 def test_light_bar_rests_across_another_under_a_heavy_slab(shapes, angle, timestep):
@@ -120,7 +120,7 @@ def test_light_bar_rests_across_another_under_a_heavy_slab(shapes, angle, timest
     check_rest(*press_by_slab(below, above, timestep))
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 @pytest.mark.parametrize("angle", [0.0, 0.03, 0.12])
 @pytest.mark.parametrize("shape", ["capsule", "cylinder"])
 @pytest.mark.parametrize("kind", ["box", "mesh"])
