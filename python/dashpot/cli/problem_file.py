@@ -48,9 +48,10 @@ _PARAMETER_KINDS = {
     "delay": ("channel",),
     "gain": ("channel",),
     "offset": ("channel",),
+    "scale": (),
 }
 _OPTIONAL = ("index", "camera")
-_OF_READINGS = ("image", "delay", "gain", "offset")
+_OF_READINGS = ("image", "delay", "gain", "offset", "scale")
 _OF_READINGS_COMMON = ("kind", "start", "bounds", "name", "per", "frozen")
 _INERTIA = ("mass", "centre", "shape", "name", "difference", "per", "frozen")
 
