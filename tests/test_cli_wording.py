@@ -108,6 +108,18 @@ def test_a_search_that_is_cut_short_says_so_by_the_commands_own_options(dropped,
     assert "starts=" not in printed
 
 
+def test_a_table_that_is_not_there_is_named_with_what_helps(dropped, capsys):
+    for given, told in (
+        ("bal.csv", "no table bal.csv; did you mean ball.csv?"),
+        ("away/ball.csv", "no table away/ball.csv: there is no folder away"),
+    ):
+        assert main([dropped[0], given, *dropped[2:]]) == 1
+        assert capsys.readouterr().err == f"dashpot: error: {told}\n"
+    held_out = ("--held-out", "other.csv", "--head", "0.1")
+    assert main([*dropped, *held_out]) == 1
+    assert "no table other.csv; paths are seen from /" in capsys.readouterr().err
+
+
 def test_a_scale_stands_in_a_problem_file(dropped, tmp_path):
     (tmp_path / "p.toml").write_text("""model = "scene.xml"
 position_sigma = 1e-4

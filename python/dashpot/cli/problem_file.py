@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 
 from dashpot.calibrate import ImagePlane, Parameter, Problem, Trajectory
+from dashpot.checks import existing_file
 from dashpot.cli.recordings import check_keys, read_npz
 from dashpot.engine import Engine
 from dashpot.materials import Material
@@ -68,7 +69,7 @@ def read_problem(path: str | os.PathLike[str]) -> tuple[Problem, dict[str, Any]]
     """
     file = Path(path)
     try:
-        content = _parse(file)
+        content = _parse(existing_file("problem file", file))
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
     try:
