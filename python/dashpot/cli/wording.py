@@ -65,6 +65,11 @@ _WORDS = (
         "give the geom a material first ([materials.GEOM])",
     ),
     (
+        r"give initial_qpos_sigma=inf and initial_qvel_sigma=inf",
+        "give the trajectory, in Python, initial_qpos_sigma=inf and initial_qvel_sigma=inf",
+        "give the .npz file initial_qpos_sigma = inf and initial_qvel_sigma = inf",
+    ),
+    (
         r"initial_state='(\w+)'",
         r"in Python initial_state='\1'",
         r'initial_state = "\1"',
