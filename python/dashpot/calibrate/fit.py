@@ -25,6 +25,7 @@ from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overs
 from dashpot.calibrate.inference.sunk_bodies import warn_of_sunk_bodies
 from dashpot.calibrate.problem.data_warnings import (
     refuse_strange_falls,
+    warn_of_buried_starts,
     warn_of_held_turns,
     warn_of_noisy_starts,
 )
@@ -184,8 +185,9 @@ def fit(
     Warns
     -----
     UserWarning
-        Of data that were hardly meant so, of friction that has no effect between its bounds, and
-        where a body sinks through a geom in the simulation with the estimate.
+        Of data that were hardly meant so, as first frames that have a body deep in the floor; of
+        rotations that are held, since nothing measured them; of friction that has no effect between
+        its bounds; and where a body sinks through a geom in the simulation with the estimate.
 
     Examples
     --------
@@ -235,6 +237,7 @@ def fit(
         "initial_state='pose_and_velocity'",
     )
     warn_of_held_turns(problem)
+    warn_of_buried_starts(problem)
     refuse_strange_falls(problem)
     warn_of_idle_friction(problem)
     with kept or nullcontext(), ProgressBar(progress, max_evaluations) as bar:

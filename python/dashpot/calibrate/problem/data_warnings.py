@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dashpot.calibrate.data.falls import TIMES, strange_units
+from dashpot.calibrate.problem.buried_starts import buried_starts
 from dashpot.calibrate.problem.falling_paths import falling_paths
 from dashpot.calibrate.problem.first_guess import free_bodies, gravity_of
 from dashpot.calibrate.problem.problem import Problem
@@ -53,6 +54,16 @@ def warn_of_held_turns(problem: Problem) -> None:
                 ).append(trajectory.name)
     for what, names in found.items():
         _warn(names, what)
+
+
+def warn_of_buried_starts(problem: Problem) -> None:
+    """Warn where first frames have a body deeper in a geom than its contact can give way."""
+    for name, what in buried_starts(problem).items():
+        _warn(
+            [name],
+            f"{what}: units, the origin of positions or sizes in the model may differ from what "
+            "was recorded",
+        )
 
 
 def refuse_strange_falls(problem: Problem) -> None:
