@@ -54,7 +54,10 @@ def test_a_ball_that_starts_in_the_floor_is_told_by_how_much():
     [
         (BALL, {"height": 0.1 - 3 * NOISE}),
         (BALL, {"height": 0.05, "stiffness": 1e3}),  # a foam ball sags so far
-        (BALL, {"height": 0.05, "speed": 5.0, "stiffness": 1e4}),  # it may be in the midst of an impact
+        (
+            BALL,
+            {"height": 0.05, "speed": 5.0, "stiffness": 1e4},
+        ),  # it may be in the midst of an impact
         (BALL, {"height": 0.05, "floor": 'solref=".05 1"'}),  # which gives way by the load
         (BALL, {"height": 0.05, "more": (Parameter.scale(bounds=(0.5, 2.0)),)}),
         (BOX, {"height": 0.05}),  # nobody knows how it is turned

@@ -28,9 +28,9 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser(
         "simulate",
         help="step a scene with dashpot and store its states",
-        description="Step a scene from its first keyframe (or reference pose), print what happens, "
-        "and write time, qpos, qvel, energies and contact counts of every step to a numpy .npz "
-        "file, or the poses of bodies to a table.",
+        description="Step a scene from its first keyframe (or reference pose) and print what "
+        "happens. Writes time, qpos, qvel, energies and contact counts of every step to a numpy "
+        ".npz file, or the poses of bodies to a table.",
     )
     add_scene(parser)
     parser.add_argument(
