@@ -185,9 +185,9 @@ def fit(
     Warns
     -----
     UserWarning
-        Of data that were hardly meant so, as first frames that have a body deep in the floor; of
-        rotations that are held, since nothing measured them; of friction that has no effect between
-        its bounds; and where a body sinks through a geom in the simulation with the estimate.
+        Of data that were hardly meant so, as first frames that have a body deep in the floor. Of
+        rotations that are held, since nothing measured them. Of friction that has no effect between
+        its bounds. Where a body sinks through a geom in the simulation with the estimate.
 
     Examples
     --------
