@@ -131,8 +131,9 @@ def test_statements():
         (statement(math.log(1.0), 0.01), "lies at its lower bound 1"),
         (statement(math.log(1000.0), 0.01), "lies at its upper bound 1000"),
         (statement(0.5, 0.3, transform="linear"), "covers 60% of the allowed range"),
-        (statement(math.log(1.5), 0.5), "its 95% interval reaches the lower bound 1"),
-        (statement(math.log(900.0), 0.2), "its 95% interval reaches the upper bound 1000"),
+        (statement(math.log(1.5), 0.5), "it is at most 2.473; its 95% interval reaches the lower"),
+        (statement(math.log(900.0), 0.2), "at least 736.9; its 95% interval reaches the upper"),
+        (statement(math.log(150.0), 3.0), "at least 7.468; its 95% interval reaches the upper"),
         (statement(1.0, math.inf, standard_error=math.inf), "does not depend on it"),
     ):
         assert not estimate.identified
@@ -141,6 +142,15 @@ def test_statements():
     both = statement(math.log(30.0), 0.01, correlation=(1.0, -0.97))
     assert both.identified
     assert "correlated -0.97 with d" in both.statement
+
+
+def test_an_interval_that_a_bound_ends_is_told_by_its_other_end():
+    """Ends of the value times e^-0.5 and e^0.5, cut at 1 and 1000."""
+    for value, told in ((1.5, "at most 2.473"), (900.0, "at least 545.9"), (30.0, "18.2 – 49.46")):
+        assert statement(math.log(value), 0.5).interval == told
+    unknown = statement(1.0, math.inf, standard_error=math.inf)
+    assert unknown.at_bounds == (True, True)
+    assert unknown.interval == "1 – 1000"
 
 
 @pytest.mark.parametrize(

@@ -149,8 +149,13 @@ def test_simulate_uses_the_materials_given(scene, tmp_path):
 
 def test_simulate_tells_what_happens_and_writes_a_table(capsys, scene, tmp_path):
     """What it writes has the columns of a recording."""
-    assert cli.main(["simulate", str(scene), "--seconds", "0.5", "--save", "motion.csv"]) == 0
+    words = ["simulate", str(scene), "--seconds", "0.5", "--save", "motion.csv"]
+    assert cli.main(words) == 0
+    assert "wrote motion.csv\n" in capsys.readouterr().out
+    assert not (tmp_path / "states.npz").exists()
+    assert cli.main([*words, "--out", "states.npz"]) == 0
     printed = capsys.readouterr().out
+    assert "wrote motion.csv and states.npz\n" in printed
     assert "What happens" in printed
     assert "dissipated" in printed
     table = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)
@@ -182,8 +187,8 @@ def test_compare_prints_and_stores(capsys, scene, tmp_path):
         (["compare", "ball", "--settings", "eliptic"], "did you mean 'elliptic'"),
         (["compare", "ball", "--material", "bal:stiffness=1"], "did you mean 'ball'"),
         (["simulate", "ball", "--duration", "1e-9"], "less than a time step"),
-        (["calibrate", "nowhere.toml"], "nowhere.toml"),
-        (["simulate", "ball", "--fit", "nowhere.json"], "nowhere.json"),
+        (["calibrate", "nowhere.toml"], "no problem file nowhere.toml; paths are seen from /"),
+        (["simulate", "ball", "--fit", "nowhere.json"], "no saved fit nowhere.json; paths are"),
         (["demo", "--data", "nowhere"], "dashpot data cube-tosses"),
         (["data", "cube-tosses", "--base-url", "http://127.0.0.1:9/", "--out", "d"], "download"),
     ],
@@ -397,9 +402,14 @@ def test_a_fit_goes_from_one_command_to_the_other(capsys, scene, tmp_path):
     assert "Calibration: problem.json" in (tmp_path / "ball.html").read_text()
     words = ["simulate", str(scene), "--fit", "ball.json", "--seconds", "0.4", "--save", "m.csv"]
     assert cli.main(words) == 0
-    assert "fitted: stiffness = 20000" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "fitted: stiffness = 20000" in printed
+    assert "steps as the fit did" not in printed
     moved = np.genfromtxt(tmp_path / "m.csv", delimiter=",", names=True)
     np.testing.assert_allclose(moved["z"], poses["position"][:, 2], atol=1e-6)
+    assert cli.main([*words, "--timestep", "0.001"]) == 0
+    told = "steps are 1 ms, those of the fit 2 ms: --timestep 0.002 steps as the fit did"
+    assert told in " ".join(capsys.readouterr().out.split())
     (tmp_path / "ball.json").write_text("{}")
     assert "ball.json: it is no fit" in fails(capsys, *words)
 

@@ -239,3 +239,24 @@ def test_a_material_that_is_taken_away_leaves_what_the_model_says():
     engine.set_material("ball", None)
     with pytest.raises(TypeError, match="it must be a Material or None"):
         engine.set_material("ball", 1e4)
+
+
+def test_the_report_leaves_out_what_materials_take_the_place_of():
+    """By `contact_material` the model's solref is then without effect."""
+    soft = Material(1e4)
+    pair = '<contact><pair name="p" geom1="ball" geom2="floor" solref=".04 .9"/></contact>'
+    engine = engine_of('solref=".03 .8"', 'solref=".01 1.2"', pair)
+
+    def mapped():
+        names = (feature.name for feature in engine.report().of("mapped"))
+        return [name.removesuffix(" solref/solimp") for name in names if "solref" in name]
+
+    assert mapped() == ["geom 'floor'", "geom 'ball'", "pair 'p'"]
+    engine.set_pair_material("ball", "floor", soft)
+    assert mapped() == ["geom 'floor'", "geom 'ball'"]
+    engine.set_pair_material("ball", "floor", None)
+    engine.set_material("ball", soft)
+    assert engine.contact_material("floor", "ball").source == "geoms"
+    assert mapped() == ["geom 'floor'"]
+    engine.set_material("ball", None)
+    assert mapped() == ["geom 'floor'", "geom 'ball'", "pair 'p'"]

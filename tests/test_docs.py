@@ -168,6 +168,53 @@ def test_no_sentence_of_a_message_has_more_than_thirty_words() -> None:
                 assert len(re.findall(r"\S*\w\S*", sentence)) <= 30, f"{file.name}: {sentence}"
 
 
+CPP_TOKEN = re.compile(
+    r"""//[^\n]*|/\*.*?\*/|R"(\w*)\(.*?\)\1"|"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*[']""", re.DOTALL
+)
+
+
+def strings_of_cpp(code: str) -> Iterator[str]:
+    """Yield the strings of C++, adjacent ones as one, and sums of them with X for other terms."""
+    code = re.sub(r"^\s*#include.*$", "", code, flags=re.MULTILINE)
+    code = CPP_TOKEN.sub(lambda t: "" if t[0].startswith("/") else t[0], code)
+    said, end = "", 0
+    for token in CPP_TOKEN.finditer(code):
+        if token[0].startswith("'"):
+            continue
+        literal = token[0][1:-1] if token[1] is None else token[0].split("(", 1)[1][:-2]
+        literal = literal.replace(r"\n", "\n").replace(r"\"", '"')
+        between = code[end : token.start()]
+        if not between.strip():
+            said += literal
+        elif re.fullmatch(r"\s*\+[^;]*\+\s*", between):
+            said += "X" + literal
+        else:
+            yield said
+            said = literal
+        end = token.end()
+    yield said
+
+
+def test_strings_of_cpp_are_put_together() -> None:
+    code = """#include "a.hpp"
+      // "no string"
+      throw Error("one " /* "nor this" */ "two" + std::to_string(n) + " three \\"x\\"");
+      f('"', R"(raw)", "last");"""
+    assert list(strings_of_cpp(code)) == ["", 'one twoX three "x"', "raw", "last"]
+
+
+def test_no_sentence_of_a_string_in_cpp_has_more_than_thirty_words() -> None:
+    found = 0
+    for file in sorted((ROOT / "cpp").rglob("*.[ch]pp")):
+        if "tests" in file.relative_to(ROOT).parts:
+            continue
+        for message in strings_of_cpp(file.read_text(encoding="utf-8")):
+            found += 1
+            for sentence in sentences_of(message):
+                assert len(re.findall(r"\S*\w\S*", sentence)) <= 30, f"{file.name}: {sentence}"
+    assert found > 500
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_no_sentence_of_a_docstring_has_more_than_thirty_words(module: str) -> None:
     pytest.importorskip(MODULES[module][1] or "dashpot")

@@ -159,16 +159,17 @@ def test_a_box_comes_to_rest_on_a_cloth_pinned_at_its_corners():
     )
     data = engine.make_data()
     engine.step(data, 2000)
-    kinetic, carried = [], []
+    swing, carried = [], []
     for _ in range(500):
         engine.step(data)
-        kinetic.append(engine.energy(data).kinetic)
+        swing.append(0.5 * 0.5 * data.qvel[:3] @ data.qvel[:3])
         on_box = engine.contacts(data, geom=1)
         assert (on_box.flex[:, 1] == 0).all()
         carried.append(total_force(on_box)[2])
-    # A small part of what it falls with, over the 45 mm between them. Contacts of MuJoCo 4.0 load
-    # the vertices by barycentric coordinates: it swings longer.
-    assert np.mean(kinetic) < (0.08 if IS_4 else 0.03) * 0.5 * 9.81 * 0.045
+    # Of the box, which falls with its weight over 45 mm. The net trembles on with 1 to 60 mJ: edges
+    # without damping at this step do, those that bear 0.5 kg without contacts too, in each MuJoCo
+    # alike. Which tremble it ends in depends on the start.
+    assert np.mean(swing) < 1e-3 * 0.5 * 9.81 * 0.045
     # The box, the first side, presses on the cloth by its weight, in the mean of a second: but for
     # 15 mm/s that it may still swing by.
     assert np.mean(carried) == pytest.approx(-0.5 * 9.81, rel=3e-3)

@@ -260,3 +260,22 @@ def test_data_must_be_of_the_engine():
         dashpot.linearize(engine, mujoco.MjData(mujoco.MjModel.from_xml_string("<mujoco/>")))
     with pytest.raises(TypeError, match="engine"):
         dashpot.linearize(engine.model, engine.make_data())
+
+
+def test_a_linearization_prints_as_a_table():
+    """A pendulum that stands on its tip: what grows does so by e^(sqrt(g/l) dt) in a step."""
+    pendulum = """<mujoco><option timestep="0.002"/><worldbody><body pos="0 0 1">
+      <joint axis="0 1 0"/><geom type="sphere" pos="0 0 .5" size=".001" mass="1"/></body>
+      </worldbody><actuator><motor joint="j"/></actuator></mujoco>"""
+    engine = engine_of(pendulum.replace("<joint", '<joint name="j"'))
+    step = dashpot.linearize(engine, engine.make_data())
+    text = str(step)
+    assert len(text.splitlines()) < 12
+    row = ["B", "(2,", "1)", f"{np.abs(step.B).max():.4g}", "state"]
+    assert row in [line.split()[:5] for line in text.splitlines()]
+    grown, shrunk = (float(number) for number in text.split(": ")[-1].split(", "))
+    rate = np.sqrt(GRAVITY / 0.5) * 0.002
+    # As printed, and of second order in the step.
+    assert grown == pytest.approx(np.exp(rate), abs=5e-5)
+    assert shrunk == pytest.approx(np.exp(-rate), abs=5e-5)
+    assert "eigenvalues of A" in step._repr_html_()

@@ -116,7 +116,7 @@ void bind_recordings(py::module_& module) {
       "What simulations show: items are (variant, recording), variants (model address,\n"
       "Parameters or None), qpos (items, nq), qvel (items, nv). Returns the readings of all\n"
       "items in a row, each of its recording's shape: poses (bodies, 7), then channels,\n"
-      "then the gap; and by item why it failed, empty where it did not.");
+      "then the gap. By item it says why it failed, empty where it did not.");
 }
 
 }  // namespace dashpot::bindings

@@ -539,7 +539,7 @@ def record(
     What simulations show: items are (variant, recording), variants (model address,
     Parameters or None), qpos (items, nq), qvel (items, nv). Returns the readings of all
     items in a row, each of its recording's shape: poses (bodies, 7), then channels,
-    then the gap; and by item why it failed, empty where it did not.
+    then the gap. By item it says why it failed, empty where it did not.
     """
 
 def reserve_memory(model_address: typing.SupportsInt | typing.SupportsIndex) -> int:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import numbers
+import os
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -153,3 +156,15 @@ def is_data_of(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
 def thread_count(nthread: int | None) -> int:
     """Return a checked number of threads; the core takes 0, here for None, as one per core."""
     return 0 if nthread is None else positive_count("nthread", nthread)
+
+
+def existing_file(what: str, path: str | os.PathLike[str]) -> Path:
+    """Return the path of a file; raise FileNotFoundError saying what helps where there is none."""
+    file = Path(path)
+    if os.path.exists(file):
+        return file
+    if not os.path.isdir(file.parent):
+        raise FileNotFoundError(f"no {what} {file}: there is no folder {file.parent}")
+    near = difflib.get_close_matches(file.name, os.listdir(file.parent), n=3, cutoff=0.5)
+    hint = f"did you mean {', '.join(near)}?" if near else f"paths are seen from {Path.cwd()}"
+    raise FileNotFoundError(f"no {what} {file}; {hint}")

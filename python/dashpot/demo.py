@@ -115,7 +115,7 @@ def _twin_section(seed: int, threads: int | None, screen: Console) -> Section:
                 f"{experiment.truth[estimate.name]:.5g}",
                 f"{experiment.start[estimate.name]:.3g}",
                 f"{estimate.value:.5g}",
-                f"{estimate.lower:.5g} to {estimate.upper:.5g}",
+                estimate.interval,
                 "yes" if experiment.covered[estimate.name] else "no",
                 "yes" if estimate.identified else "no",
             ]
@@ -251,7 +251,7 @@ def _toss_section(
         [
             f"{name}: {estimate.name.replace('_', ' ')}",
             f"{estimate.value:.4g}",
-            f"{estimate.lower:.4g} to {estimate.upper:.4g}",
+            estimate.interval,
             estimate.statement,
         ]
         for name, study in studies.items()

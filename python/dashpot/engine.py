@@ -17,7 +17,7 @@ from dashpot.checks import is_data_of, positive_count, whole_number
 from dashpot.contact_material import ContactMaterial
 from dashpot.contacts import Contacts, Energy, names_of_sides, of_objects
 from dashpot.engine_options import EngineOptions, ReadableOptions
-from dashpot.features import Feature, Report
+from dashpot.features import Feature, Report, replaced_by_materials
 from dashpot.idle_friction import warn_of_idle_friction
 from dashpot.materials import CombinationRules, Material
 from dashpot.mjcf_materials import read_materials
@@ -510,14 +510,18 @@ class Engine(ReadableOptions):
     def report(self) -> Report:
         """Which MJCF options and features of the model are honoured, mapped or refused.
 
+        The ``solref`` of geoms and pairs that materials take the place of is not among them.
+
         Examples
         --------
         >>> print(engine.report().features[-1].name)
         option cone
         """
-        return Report(
-            tuple(Feature(*row) for row in _core.features(self.model._address, _core.Law[self.law]))
+        replaced = replaced_by_materials(
+            self.model, tuple(self._geom_material), self._pair_material
         )
+        rows = _core.features(self.model._address, _core.Law[self.law])
+        return Report(tuple(Feature(*row) for row in rows if row[0] not in replaced))
 
     def __repr__(self) -> str:
         """Return law, time step (s), options other than the defaults, and numbers of materials."""

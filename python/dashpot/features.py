@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
+
+import mujoco
 
 __all__ = ["Feature", "Report", "Treatment"]
 
@@ -66,6 +69,32 @@ class Report:
             f"{treatment:<9} {' '.join(filter(None, (kind, _listed(names))))}{what}: {note}"
             for (treatment, kind, what, note), names in alike.items()
         )
+
+
+def replaced_by_materials(
+    model: mujoco.MjModel, geoms: Sequence[int], pairs: Container[tuple[int, int]]
+) -> frozenset[str]:
+    """Return the names of features that are without effect, since materials take their place.
+
+    Parameters
+    ----------
+    model
+        The model.
+    geoms
+        Ids of those with a material.
+    pairs
+        The same by (lower, higher) id.
+    """
+    names = [f"geom {_quoted(model.geom(geom).name, geom)}" for geom in geoms]
+    for pair, both in enumerate(zip(model.pair_geom1, model.pair_geom2, strict=True)):
+        first, second = sorted(map(int, both))
+        if first in geoms or second in geoms or (first, second) in pairs:
+            names.append(f"pair {_quoted(model.pair(pair).name, pair)}")
+    return frozenset(f"{name} solref/solimp" for name in names)
+
+
+def _quoted(name: str, index: int) -> str:
+    return f"'{name}'" if name else f"#{index}"
 
 
 def _listed(names: list[str]) -> str:

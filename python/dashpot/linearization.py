@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from dashpot import _core
 from dashpot.checks import finite_array, flag, number, thread_count
 from dashpot.engine import Engine
+from dashpot.step_tables import linearization_table
+from dashpot.tables import table_html, table_text
 
 Array = NDArray[np.float64]
 
@@ -20,14 +22,15 @@ _START = int(mujoco.mjtState.mjSTATE_INTEGRATION) & ~int(mujoco.mjtState.mjSTATE
 _END = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Linearization:
     """A step about a state and controls, ``x' = A x + B u`` and ``y = C x + D u``.
 
     All are deviations. x is (displacement of the configuration (nv), velocity (nv), activation
     (na)), nx = 2 nv + na numbers in the units of the model. Displacements are tangent vectors, as
     ``mj_differentiatePos`` has them: of a quaternion a rotation vector in the body's frame. u are
-    controls, y the sensors of the step.
+    controls, y the sensors of the step. It prints, and shows in notebooks, as a table of shapes and
+    of A's largest eigenvalues: a motion that grows has one above 1.
 
     Attributes
     ----------
@@ -47,6 +50,14 @@ class Linearization:
     B: Array
     C: Array
     D: Array
+
+    def __repr__(self) -> str:
+        """Return the table as text."""
+        return table_text(linearization_table(self)).rstrip()
+
+    def _repr_html_(self) -> str:
+        """Return the table for notebooks."""
+        return table_html(linearization_table(self))
 
 
 def linearize(

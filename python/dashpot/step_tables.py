@@ -10,11 +10,21 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from dashpot.contacts import Contacts, Energy
+    from dashpot.linearization import Linearization
 
-__all__ = ["contacts_table", "energy_table"]
+__all__ = ["contacts_table", "energy_table", "linearization_table"]
 
 # As many contacts are shown; the rest is counted.
 _MOST_ROWS = 20
+
+_OF_STEP = {
+    "A": "state after the step, by the state before it",
+    "B": "state after the step, by the controls",
+    "C": "sensors, by the state before the step",
+    "D": "sensors, by the controls",
+}
+# As many eigenvalues are shown.
+_MOST_EIGENVALUES = 6
 
 _MEANING = {
     "kinetic": "of motion",
@@ -75,6 +85,25 @@ def energy_table(energy: Energy) -> Table:
     table.add_column("what it is")
     for name, meaning in _MEANING.items():
         table.add_row(name, f"{getattr(energy, name):.6g}", meaning)
+    return table
+
+
+def linearization_table(step: Linearization) -> Table:
+    """Return a table with a row for each matrix; the largest eigenvalues of A are below it."""
+    table = _empty("a step, x' = A x + B u, y = C x + D u")
+    table.add_column("")
+    table.add_column("shape")
+    table.add_column("largest entry", justify="right")
+    table.add_column("what it is")
+    for name, meaning in _OF_STEP.items():
+        matrix = getattr(step, name)
+        largest = f"{np.abs(matrix).max(initial=0.0):.4g}"
+        table.add_row(name, str(matrix.shape), largest, meaning)
+    if step.A.size and np.isfinite(step.A).all():
+        sizes = np.sort(np.abs(np.linalg.eigvals(step.A)))[::-1]
+        more = ", ..." if len(sizes) > _MOST_EIGENVALUES else ""
+        told = ", ".join(f"{size:.5g}" for size in sizes[:_MOST_EIGENVALUES])
+        table.caption = f"eigenvalues of A, magnitude: {told}{more}"
     return table
 
 

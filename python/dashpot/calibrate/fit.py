@@ -23,7 +23,12 @@ from dashpot.calibrate.inference.noise_estimate import with_estimated_noise
 from dashpot.calibrate.inference.settlement import End, reserve_for, settle
 from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
 from dashpot.calibrate.inference.sunk_bodies import warn_of_sunk_bodies
-from dashpot.calibrate.problem.data_warnings import refuse_strange_falls, warn_of_noisy_starts
+from dashpot.calibrate.problem.data_warnings import (
+    refuse_strange_falls,
+    warn_of_buried_starts,
+    warn_of_held_turns,
+    warn_of_noisy_starts,
+)
 from dashpot.calibrate.problem.idle_parameters import warn_of_idle_friction
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.setters import model_of
@@ -180,8 +185,9 @@ def fit(
     Warns
     -----
     UserWarning
-        Of data that were hardly meant so, of friction that has no effect between its bounds, and
-        where a body sinks through a geom in the simulation with the estimate.
+        Of data that were hardly meant so, as first frames that have a body deep in the floor. Of
+        rotations that are held, since nothing measured them. Of friction that has no effect between
+        its bounds. Where a body sinks through a geom in the simulation with the estimate.
 
     Examples
     --------
@@ -230,6 +236,8 @@ def fit(
         ", and intervals are too narrow; give initial_qpos, or estimate the start with "
         "initial_state='pose_and_velocity'",
     )
+    warn_of_held_turns(problem)
+    warn_of_buried_starts(problem)
     refuse_strange_falls(problem)
     warn_of_idle_friction(problem)
     with kept or nullcontext(), ProgressBar(progress, max_evaluations) as bar:

@@ -22,6 +22,7 @@ from dashpot.calibrate.problem.systems import put_in
 from dashpot.calibrate.problem.vectors import Joint
 from dashpot.calibrate.report.record import Record
 from dashpot.calibrate.result import Fit
+from dashpot.checks import existing_file
 from dashpot.engine import Engine
 from dashpot.engine_options import EngineOptions
 from dashpot.materials import Material
@@ -259,7 +260,7 @@ def load(path: str | os.PathLike[str], problem: Problem | None) -> Fit:
     """Read what `Fit.load` does."""
     if not isinstance(problem, Problem | None):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")
-    file = Path(path)
+    file = existing_file("saved fit", path)
     if file.stat().st_size > _MOST_BYTES:
         raise ValueError(f"{file} is larger than a fit can be, {_MOST_BYTES} bytes")
     try:

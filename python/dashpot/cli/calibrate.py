@@ -42,6 +42,13 @@ def add_to(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from dashpot.cli.wording import said_in_words_of
+
+    with said_in_words_of(arguments.problem):
+        return _run(arguments)
+
+
+def _run(arguments: argparse.Namespace) -> int:
     import json
     import sys
 
@@ -49,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from dashpot.calibrate import fit
     from dashpot.cli.problem_file import read_problem
+    from dashpot.cli.wording import fit_in_words_of
 
     if arguments.problem.endswith(".csv"):
         problem, options = table_problem.read_table_problem(arguments)
@@ -62,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         result = fit(problem, **options, nthread=arguments.threads, progress=sys.stderr.isatty())
     except (ValueError, TypeError) as error:
         raise ValueError(f"{arguments.problem}: {error}") from error
+    result = fit_in_words_of(arguments.problem, result)
     Console().print(result.table())
     for estimate in result.estimates:
         print(f"{estimate.name}: {estimate.statement}")

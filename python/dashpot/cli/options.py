@@ -179,18 +179,8 @@ def geom_names(engine: Engine) -> set[str]:
     return {engine.model.geom(index).name for index in range(engine.model.ngeom)} - {""}
 
 
-def load_engine(
-    scene: str,
-    given: list[tuple[str, Material]],
-    nthread: int,
-    fit: str | None = None,
-    trajectory: str | None = None,
-) -> Engine:
-    """Return an engine of a scene file or shipped scene, with the materials of ``--material``.
-
-    Those of a saved `fit` are put in first, with its options and other values, of one of its
-    trajectories where these differ.
-    """
+def load_engine(scene: str, given: list[tuple[str, Material]], nthread: int) -> Engine:
+    """Return an engine of a scene file or shipped scene, with the materials of ``--material``."""
     from dashpot.compare import SCENES
     from dashpot.engine import Engine
 
@@ -203,17 +193,6 @@ def load_engine(
             engine = Engine(Path(scene), nthread=nthread)
         except FileNotFoundError as error:
             raise FileNotFoundError(f"{error}; shipped scenes are {', '.join(SCENES)}") from None
-    if fit is not None:
-        from dashpot.calibrate import Fit
-        from dashpot.calibrate.saved import apply_fit
-
-        try:
-            loaded = Fit.load(fit)
-            told = (f"{name} = {value:.6g}" for name, value in loaded.values.items())
-            print(f"fitted: {', '.join(told)}")
-            engine = apply_fit(loaded, engine.model, trajectory=trajectory, nthread=nthread)
-        except ValueError as error:
-            raise ValueError(f"{fit}: {str(error).removeprefix(f'{fit}: ')}") from error
     apply_materials(engine, given)
     return engine
 

@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 
 from dashpot.calibrate import ImagePlane, Parameter, Problem, Trajectory
+from dashpot.checks import existing_file
 from dashpot.cli.recordings import check_keys, read_npz
 from dashpot.engine import Engine
 from dashpot.materials import Material
@@ -48,9 +49,10 @@ _PARAMETER_KINDS = {
     "delay": ("channel",),
     "gain": ("channel",),
     "offset": ("channel",),
+    "scale": (),
 }
 _OPTIONAL = ("index", "camera")
-_OF_READINGS = ("image", "delay", "gain", "offset")
+_OF_READINGS = ("image", "delay", "gain", "offset", "scale")
 _OF_READINGS_COMMON = ("kind", "start", "bounds", "name", "per", "frozen")
 _INERTIA = ("mass", "centre", "shape", "name", "difference", "per", "frozen")
 
@@ -67,7 +69,7 @@ def read_problem(path: str | os.PathLike[str]) -> tuple[Problem, dict[str, Any]]
     """
     file = Path(path)
     try:
-        content = _parse(file)
+        content = _parse(existing_file("problem file", file))
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
     try:

@@ -26,7 +26,8 @@ geoms = ["ball"]                 #   twos, [["left", "cube"], ["right", "cube"]]
 quantity = "stiffness"           #   attribute, elements, index of the MuJoCo model; "inertia":
 start = 1e4                      #   body, and optional mass = [LOWER, UPPER], centre, shape;
 bounds = [1e2, 1e6]              #   lists of numbers and of bounds make a vector;
-                                 #   "delay", "gain", "offset": channel; "image": quantity, camera
+                                 #   "delay", "gain", "offset": channel; "scale": of positions;
+                                 #   "image": quantity, camera
 # frozen = true                  # held at its start
 # per = "trajectory"             # one value for each; or a table of names of trajectories by group
 

@@ -14,11 +14,13 @@ if TYPE_CHECKING:
     from dashpot.calibrate import ImagePlane, Parameter
     from dashpot.engine import Engine
 
+_OF_RECORDERS = ("delay", "gain", "offset", "scale")
 FIT_HELP = (
     "what is unknown, as pair:GEOM,GEOM:QUANTITY,... (four geoms: two pairs, and so on) or "
     "material:GEOM:QUANTITY,... or "
     "model:ARRAY:ELEMENT or, of a picture, image:QUANTITY,... with scale, tilt, origin_u, "
-    "origin_v; a quantity may say where it starts, stiffness=1e4, or its bounds, "
+    "origin_v, or, of a recorder, delay:SENSOR=LOWER..UPPER, gain:..., offset:..., "
+    "scale:poses=...; a quantity may say where it starts, stiffness=1e4, or its bounds, "
     "stiffness=1e3..1e6; may be given several times"
 )
 
@@ -34,7 +36,8 @@ def parameters_of(
         kind, _, rest = spec.partition(":")
         target, _, quantities = rest.rpartition(":")
         picture = kind == "image" and not target
-        known = picture or (kind in ("pair", "material", "model") and target)
+        recorder = kind in _OF_RECORDERS and not target
+        known = picture or recorder or (kind in ("pair", "material", "model") and target)
         if not known or not quantities:
             raise ValueError(f"--fit {spec!r} is not {FIT_HELP.split('; ')[0][20:]}")
         elements = [_element(name, engine) for name in target.split(",")]
@@ -44,6 +47,9 @@ def parameters_of(
             try:
                 if picture:
                     made.append(parameter_of(name, camera, options, engine.model))
+                    continue
+                if recorder:
+                    made.append(_of_recorder(kind, name, options))
                     continue
                 if kind == "model":
                     made.append(_of_model(target, name, options, engine.model))
@@ -60,6 +66,23 @@ def parameters_of(
             except (ValueError, TypeError) as error:
                 raise ValueError(f"--fit {spec!r}: {error}") from None
     return made
+
+
+def _of_recorder(kind: str, channel: str, options: dict[str, Any]) -> Parameter:
+    """Return a delay, a gain or an offset of a channel, or the scale of positions."""
+    from dashpot.calibrate import Parameter
+
+    if "bounds" not in options:
+        raise ValueError(f"it needs bounds, as {kind}:{channel}=LOWER..UPPER")
+    lower, upper = options["bounds"]
+    if not lower < (1.0 if kind in ("gain", "scale") else 0.0) < upper:
+        options["start"] = 0.5 * (lower + upper)
+    if kind != "scale":
+        made: Parameter = getattr(Parameter, kind)(channel, **options)
+        return made
+    if channel != "poses":
+        raise ValueError(f"scale is of 'poses', not {channel!r}")
+    return Parameter.scale(**options)
 
 
 def _of_model(

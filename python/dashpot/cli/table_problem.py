@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dashpot.cli import pictures
-from dashpot.cli.options import add_material, load_engine, positive
+from dashpot.cli.options import add_material, count, load_engine, positive
 from dashpot.cli.pictures import camera_of
 from dashpot.cli.table_parameters import FIT_HELP, float_of, parameters_of
 
@@ -62,6 +62,18 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         "start there, and are estimated from the residuals",
     )
     options.add_argument(
+        "--starts", type=count, metavar="N", help="further starts, spread over the bounds"
+    )
+    options.add_argument(
+        "--windows",
+        type=_seconds,
+        metavar="SECONDS,...",
+        help="first seconds of the recording to fit before all of it, in ascending order",
+    )
+    options.add_argument(
+        "--max-evaluations", type=count, metavar="N", help="budget of the fit, in simulations"
+    )
+    options.add_argument(
         "--held-out", metavar="FILE", help="another such table, which is predicted, not fitted"
     )
     options.add_argument(
@@ -107,7 +119,8 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
             f"{arguments.problem}: trajectory '{name}': {what}; say what units are: --unit "
             "time=ms,z=cm or such"
         )
-    return problem, {}
+    chosen = {name: getattr(arguments, name) for name in ("starts", "windows", "max_evaluations")}
+    return problem, {name: value for name, value in chosen.items() if value is not None}
 
 
 def read_held_out(arguments: argparse.Namespace, problem: Problem) -> list[Trajectory]:
@@ -145,6 +158,9 @@ def refuse_options(arguments: argparse.Namespace) -> None:
         "rate",
         "window",
         "noise",
+        "starts",
+        "windows",
+        "max_evaluations",
         "material",
         "held_out",
         "head",
@@ -192,6 +208,10 @@ def _trajectories(
     if run is None:
         return [Trajectory.from_csv(file, **read)]
     return Trajectory.from_csv(file, run=run, **read)
+
+
+def _seconds(text: str) -> list[float]:
+    return [positive(part) for part in text.split(",")]
 
 
 def _moving_body(model: mujoco.MjModel) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.data.units import factor_of
+from dashpot.checks import existing_file
 
 if TYPE_CHECKING:
     from _csv import Reader
@@ -71,6 +72,7 @@ def read_runs(file: str | os.PathLike[str], table: Table) -> dict[str, dict[str,
     OSError
         If the file cannot be read.
     """
+    file = existing_file("table", file)
     try:
         # With or without the mark that spreadsheets put in front of UTF-8.
         runs, columns = _read(file, table, "utf-8-sig")

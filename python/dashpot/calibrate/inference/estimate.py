@@ -38,6 +38,8 @@ class Estimate:
         together in time, as those of a model do that is not quite right; ``"not identified"``.
     widening
         How many times wider the interval is for that misfit; 1 without.
+    at_bounds
+        Whether `lower` and `upper` are bounds of the search, beyond which the interval may go on.
 
     Examples
     --------
@@ -56,6 +58,15 @@ class Estimate:
     nonlinearity: float = 0.0
     grade: Grade = "identified"
     widening: float = 1.0
+    at_bounds: tuple[bool, bool] = (False, False)
+
+    @property
+    def interval(self) -> str:
+        """The interval in words: ``9.9e+03 – 1.01e+04``.
+
+        Where one end is a bound of the search: ``at least 9.9e+03``, or ``at most 1.01e+04``.
+        """
+        return interval_words(self.lower, self.upper, self.at_bounds)
 
 
 def percent(confidence: float) -> str:
@@ -67,6 +78,14 @@ def interval_ends(lower: float, upper: float) -> tuple[str, str]:
     """Return the ends of an interval with four digits, or as many as tell its width."""
     digits = interval_digits(lower, upper)
     return f"{lower:.{digits}g}", f"{upper:.{digits}g}"
+
+
+def interval_words(lower: float, upper: float, at_bounds: tuple[bool, bool]) -> str:
+    """Return an interval in words; of an end at a bound alone only the other end is known."""
+    ends = interval_ends(lower, upper)
+    if at_bounds[0] == at_bounds[1]:
+        return " – ".join(ends)
+    return f"at least {ends[0]}" if at_bounds[1] else f"at most {ends[1]}"
 
 
 def interval_digits(lower: float, upper: float) -> int:

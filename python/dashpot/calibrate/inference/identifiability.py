@@ -8,8 +8,8 @@ A parameter is called *not identified* when
 * residuals of a channel hang together in time and are more than a tenth of what it shows: the model
   does not describe it, or the search ended in a bad valley, or
 * the residuals do not depend on it (alone, or once another unknown compensates it), or
-* its estimate lies at a bound, or its interval reaches one: the data then say nothing of how far it
-  would go on, as where friction never slips, or
+* its estimate lies at a bound, or its interval reaches one: the data then only say that it is at
+  least, or at most, the other end, as where friction never slips, or
 * it goes along with what lies at a bound (parameters there together explain it with a correlation
   above 0.95): it is then known for that bound, not for what they would be beyond, or
 * its interval covers more than half of the allowed range, or
@@ -43,7 +43,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.inference.at_bounds import HIGH_CORRELATION, at_bounds, bound_of
-from dashpot.calibrate.inference.estimate import Estimate, Grade, interval_ends, percent
+from dashpot.calibrate.inference.estimate import (
+    Estimate,
+    Grade,
+    interval_ends,
+    interval_words,
+    percent,
+)
 from dashpot.calibrate.inference.misfit_report import MOST_LEFT, ChannelReport, sizes_differ
 from dashpot.calibrate.problem.parameters import Parameter
 
@@ -107,6 +113,12 @@ class Evidence:
         return lower, upper
 
     @property
+    def at_bounds(self) -> tuple[bool, bool]:
+        """Whether the lower and the upper end are bounds of the search."""
+        lower, upper = self.interval
+        return at_bounds(self.parameter, lower)[0], at_bounds(self.parameter, upper)[1]
+
+    @property
     def misfits(self) -> list[ChannelReport]:
         """Channels whose residuals hang together."""
         return [channel for channel in self.channels if channel.misfit]
@@ -130,6 +142,7 @@ def judge(evidence: Evidence) -> Estimate:
             identified=False,
             statement=f"not identified: {bound_of(parameter, evidence.z) or _INDEPENDENT}",
             grade="not identified",
+            at_bounds=(True, True),
         )
     reason = next((why for why in (reason(evidence) for reason in _REASONS) if why), None)
     statement = _identified(evidence) if reason is None else _not_identified(evidence, reason)
@@ -146,6 +159,7 @@ def judge(evidence: Evidence) -> Estimate:
         nonlinearity=evidence.nonlinearity,
         grade=grade,
         widening=evidence.widening,
+        at_bounds=evidence.at_bounds,
     )
 
 
@@ -178,6 +192,13 @@ def _at_a_bound(evidence: Evidence) -> str | None:
 def _wide(evidence: Evidence) -> str | None:
     parameter, (lower, upper) = evidence.parameter, evidence.ends
     interval = f"its {percent(evidence.confidence)} interval"
+    at_lower, at_upper = evidence.at_bounds
+    if at_lower != at_upper:
+        side, bound = ("upper", upper) if at_upper else ("lower", lower)
+        return (
+            f"it is {interval_words(lower, upper, evidence.at_bounds)}; {interval} reaches the "
+            f"{side} bound {bound:.4g}, and could go on beyond"
+        )
     share = _share(parameter, lower, upper)
     if share > MAX_RANGE_SHARE:
         return f"{interval} covers {share:.0%} of the allowed range"
@@ -187,12 +208,6 @@ def _wide(evidence: Evidence) -> str | None:
             f"the ends of {interval}, {lower:.3g} and {upper:.3g}, differ by more than a factor of "
             f"{MAX_FACTOR:g}"
         )
-    for side, (z_end, bound) in enumerate(zip(evidence.interval, parameter.bounds, strict=True)):
-        if at_bounds(parameter, z_end)[side]:
-            return (
-                f"{interval} reaches the {('lower', 'upper')[side]} bound {bound:.4g}, and could "
-                "go on beyond"
-            )
     return None
 
 

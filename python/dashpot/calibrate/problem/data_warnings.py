@@ -8,10 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from dashpot.calibrate.data.falls import TIMES, strange_units
+from dashpot.calibrate.problem.buried_starts import buried_starts
 from dashpot.calibrate.problem.falling_paths import falling_paths
 from dashpot.calibrate.problem.first_guess import free_bodies, gravity_of
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.setters import model_of
+from dashpot.calibrate.problem.unseen_turns import unseen_turns
 
 # Of what called fit, or predict, which call these.
 _STACK_LEVEL = 4
@@ -32,6 +34,36 @@ def warn_of_noisy_starts(problem: Problem, consequence: str) -> None:
         "no initial_qpos, so that the simulation starts at the first observed pose as if that had "
         f"no noise{consequence}",
     )
+
+
+def warn_of_held_turns(problem: Problem) -> None:
+    """Warn where rotations of a start are held, since nothing measured them, naming the body."""
+    if problem.initial_state == "given" or problem.residuals:
+        return
+    model = model_of(problem.bare_system())
+    found: dict[str, list[str]] = {}
+    for trajectory in problem.trajectories:
+        if trajectory.initial_qpos_sigma is None and trajectory.initial_qvel_sigma is None:
+            for body, (_, off) in unseen_turns(trajectory, model, problem.sigma).items():
+                found.setdefault(
+                    f"rotations of body '{body}' were not measured, and its centre of mass is "
+                    f"{1e3 * off:.3g} mm off its origin: it starts unturned and does not turn "
+                    "before it touches something. Where it may, give initial_qpos_sigma=inf and "
+                    "initial_qvel_sigma=inf",
+                    [],
+                ).append(trajectory.name)
+    for what, names in found.items():
+        _warn(names, what)
+
+
+def warn_of_buried_starts(problem: Problem) -> None:
+    """Warn where first frames have a body deeper in a geom than its contact can give way."""
+    for name, what in buried_starts(problem).items():
+        _warn(
+            [name],
+            f"{what}: units, the origin of positions or sizes in the model may differ from what "
+            "was recorded",
+        )
 
 
 def refuse_strange_falls(problem: Problem) -> None:

@@ -43,6 +43,7 @@ from dashpot.calibrate.problem.problem_systems import ProblemSystems
 from dashpot.calibrate.problem.replaced_materials import check_nothing_is_lost
 from dashpot.calibrate.problem.setters import System, model_of
 from dashpot.calibrate.problem.systems import Builder
+from dashpot.calibrate.problem.unseen_turns import turns_held
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
@@ -107,8 +108,10 @@ class Problem(ProblemSystems, ProblemStarts):
         every trajectory is estimated too. ``"pose_and_velocity"``: the initial position as well:
         the choice for measured poses. With the other two a trajectory without ``initial_qpos``
         starts at its first observed pose as if that had no noise, and intervals are too narrow.
-        What of it is known beforehand trajectories say (``initial_qpos_sigma``). For intervals a
-        state counts as known to 10 m, 10 rad, 100 m/s and 100 rad/s at least.
+        What of it is known beforehand trajectories say (``initial_qpos_sigma``). Rotations that
+        nothing measured, of a body whose centre of mass is off its origin, are held as the model
+        has them, unless the trajectory has ``initial_qpos_sigma``. For intervals a state counts as
+        known to 10 m, 10 rad, 100 m/s and 100 rad/s at least.
 
     Raises
     ------
@@ -207,5 +210,10 @@ class Problem(ProblemSystems, ProblemStarts):
             check_against_model(self, trajectory, model)
         check_sensing(self)
         unseen = [out_of_sight(t, model) for t in self.trajectories]
+        if not self.residuals:  # which may tell rotations
+            unseen = [
+                hidden | turns_held(t, model, self.sigma)
+                for hidden, t in zip(unseen, self.trajectories, strict=True)
+            ]
         known = start_sigma(self.trajectories, self.initial_state, unseen)
         object.__setattr__(self, "_start_sigma", known)

@@ -9,7 +9,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from dashpot.calibrate.inference.estimate import Estimate, interval_digits, interval_ends, percent
+from dashpot.calibrate.inference.estimate import Estimate, interval_digits, percent
 from dashpot.calibrate.result import Fit
 
 
@@ -44,7 +44,7 @@ def fit_table(fit: Fit, truth: dict[str, float] | None) -> Table:
         if truth is not None:
             row.append(f"{truth[e.name]:.{interval_digits(e.lower, e.upper)}g}")
         digits = interval_digits(e.lower, e.upper)
-        row += [f"{e.value:.{digits}g}", " – ".join(interval_ends(e.lower, e.upper))]
+        row += [f"{e.value:.{digits}g}", e.interval]
         row.append(grade_word(e))
         table.add_row(*row)
     for name, value in fit.problem.held.items():
@@ -74,6 +74,7 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
                 "standard_error": e.standard_error if np.isfinite(e.standard_error) else None,
                 "lower": e.lower,
                 "upper": e.upper,
+                "at_bounds": list(e.at_bounds),
                 "identified": e.identified,
                 "nonlinearity": e.nonlinearity,
                 "grade": e.grade,

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from dashpot.calibrate.inference.body_inertia import BodyInertia
-from dashpot.calibrate.inference.estimate import interval_digits, interval_ends, percent
+from dashpot.calibrate.inference.estimate import interval_digits, percent
 from dashpot.calibrate.report.fit_report import HELD, grade_word
 
 
@@ -38,6 +38,6 @@ def inertia_rows(inertia: BodyInertia) -> list[Sequence[str]]:
             value, word = f"{e.value:.6g}", HELD
         elif math.isfinite(e.upper):
             value = f"{e.value:.{interval_digits(e.lower, e.upper)}g}"
-            interval = " – ".join(interval_ends(e.lower, e.upper))
+            interval = e.interval
         rows.append((e.name, unit, value, interval, word))
     return rows

@@ -11,7 +11,6 @@ import numpy as np
 
 from dashpot.calibrate.inference.estimate import (
     interval_digits,
-    interval_ends,
     percent,
 )
 from dashpot.calibrate.report.drawings import autocorrelation, by_channel
@@ -36,7 +35,7 @@ def parameters_table(fit: Fit, record: Record) -> dict[str, Any]:
                 e.name.replace("_", " "),
                 record.units.get(e.name, ""),
                 f"{e.value:.{interval_digits(e.lower, e.upper)}g}",
-                " – ".join(interval_ends(e.lower, e.upper)),
+                e.interval,
                 grade_word(e),
                 e.statement,
             )
