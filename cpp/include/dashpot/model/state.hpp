@@ -10,9 +10,6 @@
 #include "dashpot/rows/free_body.hpp"
 #include "dashpot/rows/trees.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 const double* position(const mjData_* d);
