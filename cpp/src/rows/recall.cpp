@@ -24,11 +24,6 @@ constexpr double kSteadyTurning = 0.4;
 // its deformation. What rows and position differ by has either sign: where the smaller counted, a
 // weld at 22 rad/s lost 2 % of its energy in 5 s at 1 ms. Stiffer ones would take it for force.
 constexpr double kSoftEquality = 1.0;
-
-// Where the springs of limits and equalities are by their positions: of those that grow stiffer on
-// their way, where one as stiff as the row bears the load that belongs to the position
-// (islands/solref_load.hpp). They store what they took from bodies, and what they had lost before,
-// but no more: where steps do not resolve how they grow stiffer nothing is gained.
 constexpr double kRounding = 1e-9;  // relative, of stiffness by inverse mass
 
 // Whether a limit or equality of which nothing is remembered, and whose solref the model sets,
@@ -38,6 +33,11 @@ bool begins_stretched(const Memory& memory, const ConstraintInput& input, const 
   return input.has_solref && (c.kind == RowKind::kBilateral || memory.starts());
 }
 
+// Where the springs of limits and equalities are by their positions: of those that grow stiffer on
+// their way, where one as stiff as the row bears the load that belongs to the position
+// (islands/solref_load.hpp). They store what they took from bodies, and what they had lost before,
+// but no more: where steps do not resolve how they grow stiffer nothing is gained.
+//
 // The position (m or rad) of a spring, and the energy (J) that this stands for.
 struct SpringPlace {
   double position, stored;

@@ -51,7 +51,6 @@ class Narrowing {
 // Which contacts there are does not depend on what was kept: what is left out has none. Geoms whose
 // kind, size, mesh or bounds were edited are asked anew; a mesh whose vertices alone are is not.
 // Threads may ask at the same time.
-
 class PairsApart {
  public:
   // Before pairs are asked about: makes room where too many are kept.

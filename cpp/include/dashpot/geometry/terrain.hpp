@@ -115,8 +115,6 @@ class Terrain {
   HeightFieldGrid grid_;
 };
 
-// The contacts of one geom with a terrain, in the frame of that.
-
 // Fractions of the geom's radius: by how much a contact may be less deep than one that it stands
 // for.
 inline constexpr double kAsDeep = 1e-5;
@@ -137,6 +135,7 @@ struct TerrainContact {
 // coming to lie over it, and hits it.
 bool are_in_one_place(double deepest, double apart, double turn, double approach);
 
+// The contacts of one geom with a terrain, in the frame of that.
 class TerrainContacts {
  public:
   static constexpr int kRoom = 50;

@@ -42,7 +42,6 @@ double* memory(const mjModel_* m, mjData_* d, int size);
 // A step changes options and detection distances of its model for a while (Substeps and
 // detect/reach.hpp). A view has these of its own and shares the rest, meshes above all, which no
 // step writes to: views of one model step side by side.
-
 class ModelView {
  public:
   // Of the model as it is now; `model` must outlive the view, and what is shared must not change
