@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "dashpot/solve/lane_flow.hpp"
 #include "island_blocks.hpp"
@@ -59,21 +60,7 @@ constexpr int kTreesAtOnce = 32, kGroupsAtOnce = 8;
 struct IslandLoop {
   // Returns the energies that go to RowData::work and RowData::recovery_input.
   IslandWork run(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
-                 RowData& data, Team& team) {
-    // Its stiffness is that of the micro-steps planned.
-    const bool at_once = flows_alone(rows, trees, island, recovery_speed, data);
-    const int count = at_once ? 1 : island.microsteps;
-    const double h = at_once ? island.microsteps * island.duration : island.duration;
-    blocks.pack(rows, trees, island, h, recovery_speed, data, team);
-    start(trees, island, data);
-    IslandMotion m = motion(trees, data);
-    m.h = h;
-    m.recovery = recovery_over(island.microsteps * island.duration);
-    m.step = h * count;
-    run_microsteps(m, count, team);
-    finish(data);
-    return blocks.unpack(rows, data, team);
-  }
+                 RowData& data, Team& team);
 
   IslandBlocks blocks;
   const SweepFunctions& sweeps = fastest_sweeps();
@@ -82,97 +69,10 @@ struct IslandLoop {
   AlignedDoubles coordinate_impulse, slowing, drag, way, pull;
   AlignedDoubles force_of_slices, impulse_of_slices;
 
-  // After every micro-step forces and impulses are zero again, but for those on the ground.
-  void start(const Trees& trees, const Island& island, RowData& data) {
-    for (auto* array : {&velocity, &displacement, &force, &impulse, &moment, &acceleration,
-                        &coordinate_impulse, &slowing, &drag, &way, &pull}) {
-      array->resize(trees.coordinates, 0.0);
-      std::fill_n(array->begin(), kGroundCoordinates, 0.0);
-    }
-    std::copy_n(data.velocity.begin(), kGroundCoordinates, velocity.begin());
-    const size_t of_slices = static_cast<size_t>(blocks.slices() - 1) * trees.coordinates;
-    for (auto* array : {&force_of_slices, &impulse_of_slices})
-      array->resize(std::max(array->size(), of_slices), 0.0);
-    for (int slice = 1; slice < blocks.slices(); ++slice)
-      for (auto* array : {&force_of_slices, &impulse_of_slices})
-        std::fill_n(array->begin() + (slice - 1) * trees.coordinates, kGroundCoordinates, 0.0);
-    island_trees.clear();
-    for (int index : island.tree) {
-      const Tree& t = trees.tree[index];
-      island_trees.push_back(
-          {t, blocks.other_slices(index), trees.implicit_of(index), &trees, index});
-      for (auto* array :
-           {&displacement, &moment, &way, &coordinate_impulse, &data.braked, &data.pulled})
-        std::fill_n(array->begin() + t.begin, t.count, 0.0);
-      std::copy_n(data.velocity.begin() + t.begin, t.count, velocity.begin() + t.begin);
-    }
-  }
-
-  IslandMotion motion(const Trees& trees, RowData& data) {
-    IslandMotion m;
-    m.velocity = velocity.data();
-    m.displacement = displacement.data();
-    m.acceleration = acceleration.data();
-    m.force = force.data();
-    m.impulse = impulse.data();
-    m.moment = moment.data();
-    m.total_displacement = data.total_displacement.data();
-    m.coordinate_impulse = coordinate_impulse.data();
-    m.force_of_slices = force_of_slices.data();
-    m.impulse_of_slices = impulse_of_slices.data();
-    m.slice_size = trees.coordinates;
-    m.smooth_acceleration = data.smooth_acceleration.data();
-    m.inverse = trees.inverse.data();
-    m.start_motion = data.start_motion.data();
-    m.added = data.added_acceleration.data();
-    m.damping = trees.damping.data();
-    m.cross_damping = trees.cross_damping.data();
-    m.slowing = slowing.data();
-    m.drag = drag.data();
-    m.braked = data.braked.data();
-    m.stiffness = trees.stiffness.data();
-    m.way = way.data();
-    m.pull = pull.data();
-    m.pulled = data.pulled.data();
-    return m;
-  }
-
-  void run_microsteps(IslandMotion& m, int count, Team& team) {
-    const double h = m.h;
-    acceleration[kTurningCoordinate] = 1.0;
-    double& turning = m.velocity[kTurningCoordinate];
-    const double turning_at_start = turning;
-    sweep_rows(Sweep::kPrepare, m, team);
-    m.rate_time = 0.0;
-    for (int i = 0; i < count; ++i) {
-      sweep_rows(Sweep::kPresentForces, m, team);
-      m.coupled_time = kCoupledShare * h;
-      m.work_time = i * h + 0.5 * h;
-      m.rate_time = (i + 1) * h;
-      turning += h;
-      sweep_trees(Sweep::kSmoothMotion, m, team);
-      sweep_rows(Sweep::kFlow, m, team);
-      sweep_trees(Sweep::kContactMotion, m, team);
-    }
-    sweep_rows(Sweep::kRead, m, team);
-    sweep_trees(Sweep::kDisplacement, m, team);
-    const double time = h * count;
-    displacement[kSurfaceCoordinate] = time;
-    displacement[kTurningCoordinate] = time * (turning_at_start + 0.5 * time);
-    sweep_rows(Sweep::kFollow, m, team);
-    // A force that is no number shows here alone: rows whose load it is apply none.
-    for (const IslandTree& of : island_trees)
-      check_bounded(of.tree, acceleration.data(), std::numeric_limits<double>::max());
-  }
-
-  void finish(RowData& data) const {
-    for (const IslandTree& of : island_trees) {
-      const Tree& t = of.tree;
-      std::copy_n(velocity.begin() + t.begin, t.count, data.velocity.begin() + t.begin);
-      std::copy_n(coordinate_impulse.begin() + t.begin, t.count,
-                  data.coordinate_impulse.begin() + t.begin);
-    }
-  }
+  void start(const Trees& trees, const Island& island, RowData& data);
+  IslandMotion motion(const Trees& trees, RowData& data);
+  void run_microsteps(IslandMotion& motion, int count, Team& team);
+  void finish(RowData& data) const;
 
   void sweep_rows(Sweep sweep, const IslandMotion& motion, Team& team) {
     if (blocks.slices() == 1) return sweeps.rows(sweep, blocks.ranges(0), motion);
@@ -192,6 +92,115 @@ struct IslandLoop {
     });
   }
 };
+
+// After every micro-step forces and impulses are zero again, but for those on the ground.
+void IslandLoop::start(const Trees& trees, const Island& island, RowData& data) {
+  for (auto* array : {&velocity, &displacement, &force, &impulse, &moment, &acceleration,
+                      &coordinate_impulse, &slowing, &drag, &way, &pull}) {
+    array->resize(trees.coordinates, 0.0);
+    std::fill_n(array->begin(), kGroundCoordinates, 0.0);
+  }
+  std::copy_n(data.velocity.begin(), kGroundCoordinates, velocity.begin());
+  const size_t of_slices = static_cast<size_t>(blocks.slices() - 1) * trees.coordinates;
+  for (auto* array : {&force_of_slices, &impulse_of_slices})
+    array->resize(std::max(array->size(), of_slices), 0.0);
+  for (int slice = 1; slice < blocks.slices(); ++slice)
+    for (auto* array : {&force_of_slices, &impulse_of_slices})
+      std::fill_n(array->begin() + (slice - 1) * trees.coordinates, kGroundCoordinates, 0.0);
+  island_trees.clear();
+  for (int index : island.tree) {
+    const Tree& t = trees.tree[index];
+    island_trees.push_back(
+        {t, blocks.other_slices(index), trees.implicit_of(index), &trees, index});
+    for (auto* array :
+         {&displacement, &moment, &way, &coordinate_impulse, &data.braked, &data.pulled})
+      std::fill_n(array->begin() + t.begin, t.count, 0.0);
+    std::copy_n(data.velocity.begin() + t.begin, t.count, velocity.begin() + t.begin);
+  }
+}
+
+void IslandLoop::finish(RowData& data) const {
+  for (const IslandTree& of : island_trees) {
+    const Tree& t = of.tree;
+    std::copy_n(velocity.begin() + t.begin, t.count, data.velocity.begin() + t.begin);
+    std::copy_n(coordinate_impulse.begin() + t.begin, t.count,
+                data.coordinate_impulse.begin() + t.begin);
+  }
+}
+
+IslandMotion IslandLoop::motion(const Trees& trees, RowData& data) {
+  IslandMotion m;
+  m.velocity = velocity.data();
+  m.displacement = displacement.data();
+  m.acceleration = acceleration.data();
+  m.force = force.data();
+  m.impulse = impulse.data();
+  m.moment = moment.data();
+  m.total_displacement = data.total_displacement.data();
+  m.coordinate_impulse = coordinate_impulse.data();
+  m.force_of_slices = force_of_slices.data();
+  m.impulse_of_slices = impulse_of_slices.data();
+  m.slice_size = trees.coordinates;
+  m.smooth_acceleration = data.smooth_acceleration.data();
+  m.inverse = trees.inverse.data();
+  m.start_motion = data.start_motion.data();
+  m.added = data.added_acceleration.data();
+  m.damping = trees.damping.data();
+  m.cross_damping = trees.cross_damping.data();
+  m.slowing = slowing.data();
+  m.drag = drag.data();
+  m.braked = data.braked.data();
+  m.stiffness = trees.stiffness.data();
+  m.way = way.data();
+  m.pull = pull.data();
+  m.pulled = data.pulled.data();
+  return m;
+}
+
+void IslandLoop::run_microsteps(IslandMotion& m, int count, Team& team) {
+  const double h = m.h;
+  acceleration[kTurningCoordinate] = 1.0;
+  double& turning = m.velocity[kTurningCoordinate];
+  const double turning_at_start = turning;
+  sweep_rows(Sweep::kPrepare, m, team);
+  m.rate_time = 0.0;
+  for (int i = 0; i < count; ++i) {
+    sweep_rows(Sweep::kPresentForces, m, team);
+    m.coupled_time = kCoupledShare * h;
+    m.work_time = i * h + 0.5 * h;
+    m.rate_time = (i + 1) * h;
+    turning += h;
+    sweep_trees(Sweep::kSmoothMotion, m, team);
+    sweep_rows(Sweep::kFlow, m, team);
+    sweep_trees(Sweep::kContactMotion, m, team);
+  }
+  sweep_rows(Sweep::kRead, m, team);
+  sweep_trees(Sweep::kDisplacement, m, team);
+  const double time = h * count;
+  displacement[kSurfaceCoordinate] = time;
+  displacement[kTurningCoordinate] = time * (turning_at_start + 0.5 * time);
+  sweep_rows(Sweep::kFollow, m, team);
+  // A force that is no number shows here alone: rows whose load it is apply none.
+  for (const IslandTree& of : island_trees)
+    check_bounded(of.tree, acceleration.data(), std::numeric_limits<double>::max());
+}
+
+IslandWork IslandLoop::run(const Rows& rows, const Trees& trees, const Island& island,
+                           double recovery_speed, RowData& data, Team& team) {
+  // Its stiffness is that of the micro-steps planned.
+  const bool at_once = flows_alone(rows, trees, island, recovery_speed, data);
+  const int count = at_once ? 1 : island.microsteps;
+  const double h = at_once ? island.microsteps * island.duration : island.duration;
+  blocks.pack(rows, trees, island, h, recovery_speed, data, team);
+  start(trees, island, data);
+  IslandMotion m = motion(trees, data);
+  m.h = h;
+  m.recovery = recovery_over(island.microsteps * island.duration);
+  m.step = h * count;
+  run_microsteps(m, count, team);
+  finish(data);
+  return blocks.unpack(rows, data, team);
+}
 
 }  // namespace
 
