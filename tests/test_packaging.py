@@ -123,7 +123,7 @@ def test_method_has_the_constants_of_the_source() -> None:
     method = " ".join(read("docs/method.md").split())
     islands = read("cpp/include/dashpot/islands/islands.hpp")
     stiffness = read("cpp/include/dashpot/islands/row_stiffness.hpp")
-    motion = read("cpp/include/dashpot/solve/lane_motion.hpp")
+    motion = read("cpp/include/dashpot/solve/contact_lanes.hpp")
 
     def constant(name: str, source: str) -> float:
         return float(only(rf"{name} = ([0-9.e-]+);", source))

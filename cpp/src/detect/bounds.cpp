@@ -33,6 +33,14 @@ bool half_widths_of_size(const mjModel* m, int geom, double* half) {
   }
 }
 
+// Half-width (m) of a box along a unit vector of the world.
+double half_width_along(const BoundingBox& box, const double* direction) {
+  mjtNum along[3];
+  mju_mulMatTVec3(along, box.rotation, direction);
+  return box.half[0] * std::abs(along[0]) + box.half[1] * std::abs(along[1]) +
+         box.half[2] * std::abs(along[2]);
+}
+
 }  // namespace
 
 BoundingBox bounding_box(const mjModel_* m, const mjData_* d, int geom) {
@@ -47,13 +55,6 @@ BoundingBox bounding_box(const mjModel_* m, const mjData_* d, int geom) {
   mju_addTo3(box.centre, d->geom_xpos + 3 * geom);
   mju_copy3(box.half, bounds + 3);
   return box;
-}
-
-double half_width_along(const BoundingBox& box, const double* direction) {
-  mjtNum along[3];
-  mju_mulMatTVec3(along, box.rotation, direction);
-  return box.half[0] * std::abs(along[0]) + box.half[1] * std::abs(along[1]) +
-         box.half[2] * std::abs(along[2]);
 }
 
 double height_over_plane(const mjData_* d, int plane, const BoundingBox& box) {

@@ -13,7 +13,6 @@
 #include "dashpot/model/contacts.hpp"
 #include "ellipsoid_contacts.hpp"
 #include "face_contacts.hpp"
-#include "side_by_side.hpp"
 #include "terrain.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the collision of

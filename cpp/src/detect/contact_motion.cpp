@@ -5,9 +5,9 @@
 #include <limits>
 
 #include "dashpot/model/body_inertia.hpp"
+#include "dashpot/model/mocap_bodies.hpp"
 #include "dashpot/model/properties.hpp"
 #include "dashpot/model/velocities.hpp"
-#include "moved_geom.hpp"
 
 namespace dashpot::host {
 
@@ -17,14 +17,6 @@ namespace {
 constexpr double kOnSide = 1e-6;
 // Of the radius of a ball, by which rounding may take its centre from the centre of mass.
 constexpr double kRounding = 1e-9;
-
-// Where a contact acts on the geom of a side.
-std::array<mjtNum, 3> point_of(const ContactInput& contact, int side) {
-  std::array<mjtNum, 3> point;
-  for (int k = 0; k < 3; ++k)
-    point[k] = contact.position[k] + (side == 0 ? -0.5 : 0.5) * contact.apart[k];
-  return point;
-}
 
 bool is_round_all_over(int type) {
   return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID;
@@ -140,7 +132,7 @@ double ContactMotion::way_in(double time) const {
 
 double ContactMotion::gap_rate(const ContactInput& contact) const {
   mjtNum velocity[2][3];
-  for (int i = 0; i < 2; ++i) velocity_of(side_[i], point_of(contact, i).data(), velocity[i]);
+  for (int i = 0; i < 2; ++i) velocity_of(side_[i], contact.acting_point(i).data(), velocity[i]);
   mju_subFrom3(velocity[1], velocity[0]);
   return mju_dot3(contact.frame.data(), velocity[1]);
 }
@@ -154,7 +146,7 @@ double ContactMotion::inverse_mass(const ContactInput& contact, const Trees& tre
       continue;
     }
     mjtNum arm[3], torque[3];
-    mju_sub3(arm, point_of(contact, i).data(), side.centre);
+    mju_sub3(arm, contact.acting_point(i).data(), side.centre);
     mju_cross(torque, arm, contact.frame.data());
     const double* inverse = trees.inverse.data() + trees.tree[contact.tree[i]].inverse;
     sum += inverse[0];
@@ -188,7 +180,7 @@ std::array<double, 3> ContactMotion::point_rate(const ContactInput& contact, Whe
         side.is_free ? side.centre : data_->subtree_com + 3 * model_->body_rootid[side.body];
     const mjtNum* twist = side.twist[when == When::kStart ? 0 : 1];
     mjtNum arm[3], velocity[3];
-    mju_sub3(arm, point_of(contact, i).data(), centre);
+    mju_sub3(arm, contact.acting_point(i).data(), centre);
     mju_cross(velocity, side.is_free ? side.angular : twist, arm);
     mju_addTo3(velocity, side.is_free ? side.linear : twist + 3);
     mju_addToScl3(relative, velocity, sign);
@@ -196,6 +188,33 @@ std::array<double, 3> ContactMotion::point_rate(const ContactInput& contact, Whe
   std::array<double, 3> rate;
   mju_mulMatVec3(rate.data(), contact.frame.data(), relative);
   return rate;
+}
+
+void velocity_at(const mjModel* m, const mjData* d, int body, const mjtNum* point, mjtNum* angular,
+                 mjtNum* linear) {
+  point_velocity(m, d, body, point, linear);
+  mju_copy3(angular, d->cvel + 6 * body);
+  const mjtNum* carrier = is_fixed(m, body) ? nullptr : mocap_twist(m, d, body);
+  if (carrier) mju_addTo3(angular, carrier);
+}
+
+MovedGeom::MovedGeom(const mjModel* m, mjData* d, int geom, mjtNum time)
+    : position_(d->geom_xpos + 3 * geom), rotation_(d->geom_xmat + 9 * geom) {
+  mju_copy3(start_position_, position_);
+  mju_copy(start_rotation_, rotation_, 9);
+  mjtNum linear[3], quaternion[4], angle[3], turn[9];
+  velocity_at(m, d, m->geom_bodyid[geom], position_, angle, linear);
+  mju_addToScl3(position_, linear, time);
+  mju_scl3(angle, angle, time);
+  const mjtNum norm = mju_normalize3(angle);
+  mju_axisAngle2Quat(quaternion, angle, norm);
+  mju_quat2Mat(turn, quaternion);
+  mju_mulMatMat(rotation_, turn, start_rotation_, 3, 3, 3);
+}
+
+MovedGeom::~MovedGeom() {
+  mju_copy3(position_, start_position_);
+  mju_copy(rotation_, start_rotation_, 9);
 }
 
 }  // namespace dashpot::host

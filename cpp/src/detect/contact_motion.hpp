@@ -1,4 +1,4 @@
-// How two geoms that touch move on each other within a step.
+// Geoms where their velocities take them, and how two that touch move on each other within a step.
 
 #pragma once
 
@@ -6,11 +6,30 @@
 
 #include <array>
 
-#include "dashpot/detect/turning_step.hpp"
+#include "dashpot/detect/turning.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
 
 namespace dashpot::host {
+
+// Velocity of a body at a point (world): also that of mocap bodies and of what hangs on them, which
+// mj_objectVelocity leaves out.
+void velocity_at(const mjModel* m, const mjData* d, int body, const mjtNum* point, mjtNum* angular,
+                 mjtNum* linear);
+
+// While it lives, the geom is where it will be after `time` (s) at the velocity that it has now.
+class MovedGeom {
+ public:
+  MovedGeom(const mjModel* m, mjData* d, int geom, mjtNum time);
+  ~MovedGeom();
+  MovedGeom(const MovedGeom&) = delete;
+  MovedGeom& operator=(const MovedGeom&) = delete;
+
+ private:
+  mjtNum* position_;
+  mjtNum* rotation_;
+  mjtNum start_position_[3], start_rotation_[9];
+};
 
 // Way in a step, relative to the size of the smaller geom, up to which a pair is at rest: what
 // curves there is a height of 1e-10 of that size.

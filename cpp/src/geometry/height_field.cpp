@@ -1,6 +1,5 @@
 #include "height_field.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <functional>

@@ -1,6 +1,5 @@
 #include "prisms.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>

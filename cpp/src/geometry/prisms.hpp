@@ -8,7 +8,7 @@
 #include <memory>
 #include <vector>
 
-#include "dashpot/geometry/height_field_grid.hpp"
+#include "dashpot/geometry/terrain.hpp"
 
 namespace dashpot {
 

@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "dashpot/detect/reach.hpp"
 #include "dashpot/geometry/pair_motion.hpp"
+#include "dashpot/geometry/query.hpp"
 #include "dashpot/impacts/impact.hpp"
 #include "dashpot/model/contacts.hpp"
 #include "dashpot/model/trees.hpp"
@@ -26,6 +26,14 @@ constexpr double kFarWayOfRound = 0.01;
 // Cosine between the normals of a contact at the start and at the impact above which the first is
 // good: a face that lands flat keeps all of its points. Round shapes meet along their own.
 constexpr double kNormalHolds = 0.999;
+// Clearance, relative to the half-width of the thinner geom, that counts as touch of round ones: a
+// miss by so little may as well touch.
+constexpr double kClearance = 1e-3;
+// The same of all others, which have edges: from as far as a clearance c the normal of what is
+// round is off by sqrt(2 c / r) there, and that of an edge which passes by c is across its way.
+// What is round and comes nearer than the clearance, but not as near, is left to where contacts
+// that come on are frozen (detect/turning.hpp).
+constexpr double kTouch = 1e-6;
 
 class FlightSearch {
  public:
@@ -39,8 +47,7 @@ class FlightSearch {
         length_(length),
         shapes_(shapes),
         flights_(flights),
-        disturbed_(disturbed),
-        paths_(model, data, reach, length, shapes) {}
+        disturbed_(disturbed) {}
 
   bool find_flights() {
     flights_.clear();
@@ -65,7 +72,7 @@ class FlightSearch {
       if (!flies && acts(contacts_[i])) disturb(contacts_[i].tree);
     }
     for (Flight& flight : flights_)
-      if (!is_disturbed(flight)) paths_.follow(contacts_[flight.first], flight);
+      if (!is_disturbed(flight)) follow(contacts_[flight.first], flight);
     for (const Flight& flight : flights_)
       if (!flight.misses) disturb(contacts_[flight.first].tree);
     // What is disturbed may come to anything that a contact joins to it.
@@ -87,7 +94,7 @@ class FlightSearch {
   void redirected(std::vector<Flight>& redirected) const {
     for (const Flight& flight : flights_) {
       const auto begin = contacts_.begin() + flight.first, end = contacts_.begin() + flight.last;
-      const bool alone = flight.last - flight.first == 1 && paths_.are_round(*begin);
+      const bool alone = flight.last - flight.first == 1 && are_round(*begin);
       const auto stands_for_it = [&](const ContactInput& contact) {
         const Vector3d normal(contact.frame[0], contact.frame[1], contact.frame[2]);
         return !alone && normal.dot(flight.normal) > kNormalHolds && acts(contact);
@@ -112,8 +119,8 @@ class FlightSearch {
   }
 
   bool goes_far(const ContactInput& contact) const {
-    const bool round = paths_.are_round(contact);
-    const double far = (round ? kFarWayOfRound : kFarWay) * paths_.half_width(contact);
+    const bool round = are_round(contact);
+    const double far = (round ? kFarWayOfRound : kFarWay) * half_width(contact);
     return reach_.reach[contact.geom[0]] + reach_.reach[contact.geom[1]] > far &&
            moves_along(contact, far);
   }
@@ -122,7 +129,7 @@ class FlightSearch {
   // turns it on a way of any length: what is released 0.5 to 5 mm above a rim that it clears by up
   // to a millimetre crossed that of the start in one of eight falls at 5 ms.
   bool may_pass_an_edge(size_t first, size_t last) const {
-    if (paths_.are_round(contacts_[first])) return false;
+    if (are_round(contacts_[first])) return false;
     return std::any_of(contacts_.begin() + first, contacts_.begin() + last,
                        [&](const ContactInput& contact) { return acts(contact); });
   }
@@ -135,7 +142,7 @@ class FlightSearch {
     double turning = 0.0, closing = 0.0, turn = 0.0;
     for (int side = 0; side < 2; ++side) {
       const int geom = contact.geom[side], body = geom_body(model_, geom);
-      const Motion motion = paths_.mean(body);
+      const Motion motion = mean(body);
       const double reach =
           geom_bounds(model_, geom).core_radius + geom_offset(data_, geom, motion.centre);
       relative += (side ? 1.0 : -1.0) * motion.linear;
@@ -145,7 +152,7 @@ class FlightSearch {
     }
     closing -= normal.dot(relative);
     const bool nearest = is_nearest(contact.geom[0]) && is_nearest(contact.geom[1]);
-    const double slack = kClearance * paths_.half_width(contact);
+    const double slack = kClearance * half_width(contact);
     if (contact.gap > length_ * (nearest ? closing : relative.norm() + turning) + slack)
       return false;
     const double along = (relative - normal.dot(relative) * normal).norm() + turning;
@@ -175,7 +182,7 @@ class FlightSearch {
     const Eigen::Map<const Vector3d> point(contact.position.data());
     double rate = 0.0;
     for (int side = 0; side < 2; ++side) {
-      const Motion motion = paths_.mean(geom_body(model_, contact.geom[side]));
+      const Motion motion = mean(geom_body(model_, contact.geom[side]));
       rate += (side ? 1.0 : -1.0) *
               normal.dot(motion.linear + motion.angular.cross(point - motion.centre));
     }
@@ -199,6 +206,88 @@ class FlightSearch {
     return is_disturbed(contacts_[flight.first].tree);
   }
 
+  Motion at_start(int body) const {
+    return body_motion(model_, data_, body, reach_.now.data() + 6 * body);
+  }
+
+  Motion at_end(int body) const {
+    return body_motion(model_, data_, body, reach_.later.data() + 6 * body);
+  }
+
+  Motion mean(int body) const {
+    double mean[6];
+    for (int i = 0; i < 6; ++i)
+      mean[i] = 0.5 * (reach_.now[6 * body + i] + reach_.later[6 * body + i]);
+    return body_motion(model_, data_, body, mean);
+  }
+
+  // m, of the thinner geom of a contact.
+  double half_width(const ContactInput& contact) const {
+    return std::min(geom_bounds(model_, contact.geom[0]).half_width,
+                    geom_bounds(model_, contact.geom[1]).half_width);
+  }
+
+  bool one_is_round(const ContactInput& contact) const {
+    return geom_bounds(model_, contact.geom[0]).is_round !=
+           geom_bounds(model_, contact.geom[1]).is_round;
+  }
+
+  bool are_round(const ContactInput& contact) const {
+    return geom_bounds(model_, contact.geom[0]).is_round &&
+           geom_bounds(model_, contact.geom[1]).is_round;
+  }
+
+  // Follows the geoms of a contact to where they meet or pass by.
+  void follow(const ContactInput& contact, Flight& flight) const {
+    Shape shape[2];
+    Pose pose[2];
+    Motion motion[2];
+    double departure = 0.0;  // m/s^2, of points from turning at the mean rate
+    for (int side = 0; side < 2; ++side) {
+      const int geom = contact.geom[side], body = geom_body(model_, geom);
+      shape[side] = shapes_.of(model_, geom);
+      pose[side] = geom_pose(model_, data_, geom);
+      const Motion start = at_start(body), end = at_end(body);
+      motion[side] = mean(body);
+      motion[side].linear = start.linear;
+      motion[side].acceleration = (end.linear - start.linear) / length_;
+      const double arm =
+          geom_bounds(model_, geom).core_radius + geom_offset(data_, geom, start.centre);
+      departure += (end.angular - start.angular).norm() / length_ * arm;
+    }
+    const double touch = (are_round(contact) ? kClearance : kTouch) * half_width(contact);
+    const double clearance = touch + departure * length_ * length_ / 8.0;
+    const auto impact_within = [&](double distance) {
+      return time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1], length_,
+                            std::max(0.0, contact.margin) + distance);
+    };
+    TimeOfImpact impact;
+    try {
+      impact = impact_within(clearance);
+      if (impact.hit && one_is_round(contact) && clearance > touch) {
+        impact = impact_within(touch);
+        if (!impact.hit) return;
+      }
+    } catch (const UndecidedImpact&) {
+      return;  // undecided: contacts stay as they were found
+    }
+    flight.misses = !impact.hit;
+    flight.normal = impact.at.normal;
+    Vector3d way = Vector3d::Zero();
+    for (int side = 0; side < 2; ++side) {
+      const Pose then = advance(pose[side], motion[side], impact.time);
+      const Vector3d& point = side ? impact.at.point2 : impact.at.point1;
+      const Vector3d moved = motion[side].way(impact.time);
+      const Vector3d arm = point - motion[side].centre - moved;
+      way += (side ? 1.0 : -1.0) * (moved + impact.time * motion[side].angular.cross(arm));
+      flight.point[side] = motion[side].centre + arm;
+      flight.local[side] = then.rotation.transpose() * (point - then.position);
+    }
+    flight.gap = impact.at.distance - contact.margin - flight.normal.dot(way);
+    // What is about to touch at the start has the right normals already.
+    flight.meets = impact.hit && impact.time > 0.0 && flight.gap > 0.0;
+  }
+
   const mjModel_* model_;
   const mjData_* data_;
   const host::ReachBuffers& reach_;
@@ -207,7 +296,6 @@ class FlightSearch {
   GeomShapes& shapes_;
   std::vector<Flight>& flights_;  // in the order of their contacts
   std::vector<char>& disturbed_;  // by tree: something else may act on it
-  FlightPaths paths_;
 };
 
 }  // namespace

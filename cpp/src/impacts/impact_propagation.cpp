@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <tuple>
 
-#include "dashpot/detect/broadphase.hpp"
-#include "dashpot/detect/reach.hpp"
 #include "dashpot/geometry/query.hpp"
 #include "dashpot/model/properties.hpp"
 #include "dashpot/model/velocities.hpp"

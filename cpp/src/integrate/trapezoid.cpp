@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "coupled_trees.hpp"
 #include "dashpot/integrate/turning_substeps.hpp"
 #include "dashpot/model/effective_inertia.hpp"
 #include "dashpot/model/forces.hpp"

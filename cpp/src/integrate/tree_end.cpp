@@ -1,7 +1,6 @@
 // Where trees are at the end of a step, see tree_motion.hpp.
 
 #include <algorithm>
-#include <cmath>
 
 #include "dashpot/integrate/tree_motion.hpp"
 #include "dashpot/model/effective_inertia.hpp"

@@ -13,7 +13,6 @@
 #include "dashpot/model/springs_and_dampers.hpp"
 #include "dashpot/model/state.hpp"
 #include "dashpot/model/trees.hpp"
-#include "dashpot/rows/divergence.hpp"
 
 namespace dashpot {
 

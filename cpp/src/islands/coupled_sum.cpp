@@ -1,10 +1,8 @@
 #include "dashpot/islands/coupled_sum.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "dashpot/lanes/aligned.hpp"
 #include "dashpot/lanes/instruction_sets.hpp"
 #include "dashpot/lanes/lane_blocks.hpp"
 #include "dashpot/lanes/lanes.hpp"

@@ -1,7 +1,6 @@
 #include "dashpot/islands/group_material.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <stdexcept>
 

@@ -9,6 +9,35 @@ namespace dashpot {
 
 namespace {
 
+// The gap of a group (m or rad), its rate at the start, but in the geometry that its rows have, and
+// by how much smooth forces, and the turn of that geometry, change it in the step, and did before.
+struct GapMotion {
+  double gap, rate, change, turn = 0.0, turned = 0.0;
+
+  // The fastest that the gap closes on the average of the step, or from its start.
+  double closing() const {
+    const double start = rate - turned;
+    return std::max({-start, -start - 0.5 * (change + turn), 0.0});
+  }
+  // How fast it closes a gap (> 0) that closes within `length` (s), then.
+  double closing_at_onset(double length) const {
+    const double start = rate - turned, closes = (change + turn) / length;
+    return std::sqrt(std::max(0.0, start * start - 2.0 * closes * gap));
+  }
+};
+
+double gap_of(const StepView& step, const RowGroup& c) {
+  return c.kind == RowKind::kContact ? step.contacts[c.input].gap
+                                     : step.constraints[c.input].position;
+}
+
+// Without what turns.
+GapMotion motion_of(const StepView& step, const Rows& rows, const RowGroup& c,
+                    const RowData& data) {
+  return {gap_of(step, c), first_rate(rows, c, data.velocity),
+          first_rate(rows, c, data.smooth_acceleration) * step.length};
+}
+
 // The hits of one step.
 struct Hits {
   const StepView& step;
@@ -16,28 +45,8 @@ struct Hits {
   const HitFrequency& frequency;
   const RowData& data;
 
-  // The gap of a group; its rate at the start, but in the geometry that its rows have; and by how
-  // much smooth forces, and the turn of that geometry, change it in the step, and did before.
-  struct Motion {
-    double gap, rate, change, turn = 0.0, turned = 0.0;
-
-    // The fastest that the gap closes on the average of the step, or from its start.
-    double closing() const {
-      const double start = rate - turned;
-      return std::max({-start, -start - 0.5 * (change + turn), 0.0});
-    }
-    // How fast it closes a gap (> 0) that closes within `length` (s), then.
-    double closing_at_onset(double length) const {
-      const double start = rate - turned, closes = (change + turn) / length;
-      return std::sqrt(std::max(0.0, start * start - 2.0 * closes * gap));
-    }
-  };
-
-  Motion motion_of(const RowGroup& c) const {
-    const bool contact = c.kind == RowKind::kContact;
-    Motion motion{contact ? step.contacts[c.input].gap : step.constraints[c.input].position,
-                  first_rate(rows, c, data.velocity),
-                  first_rate(rows, c, data.smooth_acceleration) * step.length};
+  GapMotion motion_of(const RowGroup& c) const {
+    GapMotion motion = dashpot::motion_of(step, rows, c, data);
     if (c.is_of_round_hit) {
       motion.turn = c.turning[0] * step.length;
       motion.turned = c.turning[0] * c.ahead;
@@ -49,7 +58,7 @@ struct Hits {
     const RowGroup& c = rows.group[index];
     // The flow of a limit alone is exact at any micro-step, and that of one beside the other end.
     if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
-    const Motion motion = motion_of(c);
+    const GapMotion motion = motion_of(c);
     if (motion.gap - step.length * motion.closing() >= 0.0) return false;
     // What was apart, and comes into touch, is hit, also where a drive has just set it in motion.
     if (motion.gap > 0.0 && step.matches[index].nearest < 0)
@@ -71,7 +80,7 @@ struct Hits {
   }
 
   double onset(const RowGroup& c) const {
-    const Motion motion = motion_of(c);
+    const GapMotion motion = motion_of(c);
     return onset_in(step.length, motion.gap, motion.closing());
   }
 
@@ -126,6 +135,27 @@ struct Hits {
   }
 };
 
+// Of what bodies come nearer by at the speeds of the start, and as smooth forces change them.
+constexpr double kMayMeet = 2.0;
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr double kUnasked = -1.0;
+
+// Notes how fast a group's gap closes on those of its trees that have an open one.
+// `fastest`: by tree, m/s or rad/s: infinite where it flies, kUnasked where it has no inactive
+// contact.
+void find_fastest(const StepView& step, const Rows& rows, const RowGroup& c, const RowData& data,
+                  std::vector<double>& fastest) {
+  const auto is_asked = [&](int tree) {
+    return tree >= 0 && fastest[tree] != kUnasked && fastest[tree] != kInfinite;
+  };
+  if (!c.is_unilateral() || !(is_asked(c.tree[0]) || is_asked(c.tree[1]))) return;
+  const GapMotion motion = motion_of(step, rows, c, data);
+  const double closing = motion.closing();
+  const bool flies = std::max(closing, motion.rate) > hit_speed(rows, c);
+  for (int tree : c.tree)
+    if (is_asked(tree)) fastest[tree] = flies ? kInfinite : std::max(fastest[tree], closing);
+}
+
 }  // namespace
 
 void find_hits(const StepView& step, const Rows& rows, const std::vector<Island>& islands,
@@ -143,6 +173,36 @@ void find_hits(const StepView& step, const Rows& rows, const std::vector<Island>
                         : isolated_pair && hits.goes_on(index) ? Hit::kBefore
                                                                : Hit::kNone;
     }
+  }
+}
+
+void find_inactive_contacts(const StepView& step, const Rows& rows,
+                            const std::vector<Island>& islands, int tree_count, const RowData& data,
+                            std::vector<char>& stays_open) {
+  stays_open.assign(rows.group.size(), 0);
+  thread_local std::vector<double> fastest;  // kept by the thread: no allocation in a step
+  fastest.assign(tree_count, kUnasked);
+  bool any = false;
+  for (const RowGroup& c : rows.group) {
+    if (!c.is_unilateral() || gap_of(step, c) <= 0.0) continue;
+    any = true;
+    for (int tree : c.tree)
+      if (tree >= 0) fastest[tree] = 0.0;
+  }
+  if (!any) return;
+  for (const RowGroup& c : rows.group) find_fastest(step, rows, c, data, fastest);
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    const double gap = c.is_unilateral() ? gap_of(step, c) : 0.0;
+    double closing = 0.0;
+    for (int tree : c.tree)
+      if (tree >= 0) closing += fastest[tree];
+    stays_open[index] = gap > 0.0 && gap >= kMayMeet * step.length * closing;
+  }
+  for (const Island& island : islands) {
+    const auto is_hit = [&](int index) { return data.hit[index] != Hit::kNone; };
+    if (std::any_of(island.group.begin(), island.group.end(), is_hit))
+      for (int index : island.group) stays_open[index] = 0;
   }
 }
 

@@ -1,7 +1,6 @@
 #include "dashpot/islands/islands.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 

@@ -53,14 +53,66 @@ double mean_inverse_mass(const Rows& rows, size_t first, size_t last,
   return sum[of] / count[of];
 }
 
+void find_compressions(const Rows& rows, const std::vector<ContactInput>& contacts,
+                       const GroupMaterial& given, size_t first, size_t last, const RowData& data,
+                       double length, std::vector<double>& compression) {
+  thread_local std::vector<double> approach;  // kept by the thread: no allocation in a step
+  approach.clear();
+  double onset = length, lasting = given.is_rigid() ? kRigidMicrostep : 0.0;
+  for (size_t i = first; i < last; ++i) {
+    const RowGroup& c = rows.group[i];
+    approach.push_back(std::max(0.0, -first_rate(rows, c, data.velocity)));
+    const double gap = contacts[c.input].gap;
+    if (gap <= 0.0)
+      onset = 0.0;
+    else if (gap < onset * approach.back())
+      onset = gap / approach.back();
+    if (given.has_si_stiffness())
+      lasting =
+          std::max(lasting, 1.0 / std::sqrt(rows.inverse_mass[c.row] * given.material.stiffness));
+  }
+  const double time = onset + 0.5 * std::min(length - onset, lasting);
+  for (size_t i = first; i < last; ++i)
+    compression[i] = std::max(0.0, time * approach[i - first] - contacts[rows.group[i].input].gap);
+}
+
+double square_frequency(const Rows& rows, const Trees& trees, size_t first, size_t last, bool rigid,
+                        const std::vector<double>& compression) {
+  thread_local AlignedDoubles pushes, response;
+  pushes.resize(trees.coordinates);
+  response.resize(trees.coordinates);
+  std::fill_n(pushes.begin(), kGroundCoordinates, 0.0);
+  const auto& touched = rows.group[first].tree;
+  for (int tree : touched)
+    if (tree >= 0) {
+      const Tree& t = trees.tree[tree];
+      std::fill_n(pushes.begin() + t.begin, t.count, 0.0);
+      std::fill_n(response.begin() + t.begin, t.count, 0.0);
+    }
+  double energy = 0.0, power = 0.0;
+  for (size_t i = first; i < last; ++i) {
+    const RowGroup& c = rows.group[i];
+    const double force = relative_stiffness(c, rigid) * compression[i];
+    scatter(rows, c, 1, &force, pushes.data());
+    energy += force * compression[i];
+  }
+  for (int tree : touched)
+    if (tree >= 0) {
+      const Tree& t = trees.tree[tree];
+      add_response(trees, tree, pushes.data() + t.begin, response.data() + t.begin);
+      for (int i = t.begin; i < t.begin + t.count; ++i) power += pushes[i] * response[i];
+    }
+  return power / energy;
+}
+
 }  // namespace
 
-void ModalDamping::find(const mjModel_* model, const std::vector<GroupMaterial>& materials,
-                        const std::vector<ContactInput>& contacts, const Trees& trees,
-                        const std::vector<char>& stays_open, const RowData& data, double length,
-                        Rows& rows) {
+void damp_modes(const mjModel_* model, const std::vector<GroupMaterial>& materials,
+                const std::vector<ContactInput>& contacts, const Trees& trees,
+                const std::vector<char>& stays_open, const RowData& data, double length, Rows& rows,
+                std::vector<double>& compression) {
   const size_t count = rows.group.size();
-  compression_.assign(count, 1.0);
+  compression.assign(count, 1.0);
   const bool any_ties = count > 0 && rows.group[0].kind != RowKind::kContact;
   for (size_t first = 0, last; first < count; first = last) {
     last = first + 1;
@@ -79,67 +131,16 @@ void ModalDamping::find(const mjModel_* model, const std::vector<GroupMaterial>&
     if (last == first + 1 || !(has_ratio(materials[first]) || any_ties)) continue;
     if (std::any_of(begin, end, [&](const RowGroup& c) { return rows.inverse_mass[c.row] == 0.0; }))
       continue;
-    find_compressions(rows, contacts, materials[first], first, last, data, length);
-    const bool pressed = std::any_of(compression_.begin() + first, compression_.begin() + last,
-                                     [](double compression) { return compression > 0.0; });
+    find_compressions(rows, contacts, materials[first], first, last, data, length, compression);
+    const bool pressed = std::any_of(compression.begin() + first, compression.begin() + last,
+                                     [](double x) { return x > 0.0; });
     if (!pressed || !has_ratio(materials[first])) continue;
     const bool rigid = materials[first].is_rigid();
-    const double square = square_frequency(rows, trees, first, last, rigid);
+    const double square = square_frequency(rows, trees, first, last, rigid, compression);
     for (auto c = begin; c != end; ++c)
       c->pressed =
           std::max(kLeastPressed, square / (c->pair_inverse_mass * relative_stiffness(*c, rigid)));
   }
-}
-
-void ModalDamping::find_compressions(const Rows& rows, const std::vector<ContactInput>& contacts,
-                                     const GroupMaterial& given, size_t first, size_t last,
-                                     const RowData& data, double length) {
-  approach_.clear();
-  double onset = length, lasting = given.is_rigid() ? kRigidMicrostep : 0.0;
-  for (size_t i = first; i < last; ++i) {
-    const RowGroup& c = rows.group[i];
-    approach_.push_back(std::max(0.0, -first_rate(rows, c, data.velocity)));
-    const double gap = contacts[c.input].gap;
-    if (gap <= 0.0)
-      onset = 0.0;
-    else if (gap < onset * approach_.back())
-      onset = gap / approach_.back();
-    if (given.has_si_stiffness())
-      lasting =
-          std::max(lasting, 1.0 / std::sqrt(rows.inverse_mass[c.row] * given.material.stiffness));
-  }
-  const double time = onset + 0.5 * std::min(length - onset, lasting);
-  for (size_t i = first; i < last; ++i)
-    compression_[i] =
-        std::max(0.0, time * approach_[i - first] - contacts[rows.group[i].input].gap);
-}
-
-double ModalDamping::square_frequency(const Rows& rows, const Trees& trees, size_t first,
-                                      size_t last, bool rigid) {
-  force_.resize(trees.coordinates);
-  response_.resize(trees.coordinates);
-  std::fill_n(force_.begin(), kGroundCoordinates, 0.0);
-  const auto& touched = rows.group[first].tree;
-  for (int tree : touched)
-    if (tree >= 0) {
-      const Tree& t = trees.tree[tree];
-      std::fill_n(force_.begin() + t.begin, t.count, 0.0);
-      std::fill_n(response_.begin() + t.begin, t.count, 0.0);
-    }
-  double energy = 0.0, power = 0.0;
-  for (size_t i = first; i < last; ++i) {
-    const RowGroup& c = rows.group[i];
-    const double force = relative_stiffness(c, rigid) * compression_[i];
-    scatter(rows, c, 1, &force, force_.data());
-    energy += force * compression_[i];
-  }
-  for (int tree : touched)
-    if (tree >= 0) {
-      const Tree& t = trees.tree[tree];
-      add_response(trees, tree, force_.data() + t.begin, response_.data() + t.begin);
-      for (int i = t.begin; i < t.begin + t.count; ++i) power += force_[i] * response_[i];
-    }
-  return power / energy;
 }
 
 }  // namespace dashpot

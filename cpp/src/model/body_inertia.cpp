@@ -8,7 +8,6 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
-#include <vector>
 
 #include "dashpot/model/checks.hpp"
 #include "dashpot/model/errors.hpp"

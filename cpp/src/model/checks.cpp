@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <stdexcept>
 #include <string>
 
@@ -85,12 +84,6 @@ std::array<Bytes, 4> ranges_of(const mjModel* m) {
           bytes(m->jnt_type, m->mesh_vertadr), bytes(m->pair_dim, m->name_bodyadr)};
 }
 
-}  // namespace
-
-static_assert(kLargestValue == mjMAXVAL);
-
-namespace {
-
 void check_finite(const std::string& field, double value) {
   if (!std::isfinite(value))
     throw std::invalid_argument("data." + field + " is " + text(value) + "; it must be finite");
@@ -114,6 +107,8 @@ void check_state(const char* field, const mjtNum* values, mjtSize count) {
 }
 
 }  // namespace
+
+static_assert(kLargestValue == mjMAXVAL);
 
 long long data_size(const mjModel_* m) { return make_data(m)->nbuffer; }
 

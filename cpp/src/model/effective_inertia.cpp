@@ -11,7 +11,6 @@
 #include "dashpot/model/springs_and_dampers.hpp"
 #include "dashpot/model/state.hpp"
 #include "dashpot/model/trees.hpp"
-#include "dashpot/rows/divergence.hpp"
 #include "discrete.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: derivatives of
@@ -151,18 +150,7 @@ double derivative_form(const mjModel* m, const mjData* d, const Tree& t, const d
   return sum;
 }
 
-}  // namespace
-
-bool takes_derivatives(const mjModel_* m) {
-  return m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
-}
-
-double joint_damping_weight(const mjModel_* m) {
-  if (takes_derivatives(m) || is_discrete(m) || (m->opt.disableflags & mjDSBL_DAMPER)) return 0.0;
-  if (is_runge_kutta(m)) return 1.0;
-  return m->opt.disableflags & mjDSBL_EULERDAMP ? 0.0 : 1.0;
-}
-
+// Derivative of a damping force (c + c_1 |v| + c_2 v^2) v at v = `velocity`.
 double damping_derivative(double damping, const double* high_order, double velocity) {
   double slope = damping, power = 1.0;
   for (int i = 0; i < mjNPOLY; ++i) {
@@ -172,6 +160,8 @@ double damping_derivative(double damping, const double* high_order, double veloc
   return slope;
 }
 
+// The derivative of the damping of a joint at `velocity`, and of the actuator that lends it
+// damping, N s/m or N m s/rad.
 double joint_damping(const mjModel_* m, int dof, double velocity) {
   double damping =
       damping_derivative(m->dof_damping[dof], m->dof_dampingpoly + mjNPOLY * dof, velocity);
@@ -181,6 +171,40 @@ double joint_damping(const mjModel_* m, int dof, double velocity) {
   return damping + gear * gear *
                        damping_derivative(m->actuator_damping[actuator],
                                           m->actuator_dampingpoly + mjNPOLY * actuator, velocity);
+}
+
+// The weight of joint damping in D where that does not come from derivatives.
+double joint_damping_weight(const mjModel_* m) {
+  if (takes_derivatives(m) || is_discrete(m) || (m->opt.disableflags & mjDSBL_DAMPER)) return 0.0;
+  if (is_runge_kutta(m)) return 1.0;
+  return m->opt.disableflags & mjDSBL_EULERDAMP ? 0.0 : 1.0;
+}
+
+// The most that actuators take of a degree of freedom's velocity, of an integrator that treats them
+// explicitly: the sum of the sizes of their derivatives in its row, N s/m or N m s/rad.
+double actuator_damping(const mjModel_* m, const mjData_* d, int dof) {
+  if (takes_derivatives(m) || is_discrete(m) || m->nactuator == 0) return 0.0;
+  double sum = 0.0;
+  for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
+    sum += std::abs(d->qDeriv[k]);
+  return sum;
+}
+
+// Adds D v (nv) of a D that comes from derivatives.
+void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product) {
+  for (int i = 0; i < m->nv; ++i)
+    for (int k = m->M_rowadr[i]; k < m->M_rowadr[i] + m->M_rownnz[i]; ++k) {
+      const int j = m->M_colind[k];
+      const double damping = -d->qDeriv[m->mapD2M[k]];
+      product[i] += damping * v[j];
+      if (i != j) product[j] += damping * v[i];
+    }
+}
+
+}  // namespace
+
+bool takes_derivatives(const mjModel_* m) {
+  return m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
 }
 
 double damping_form(const mjModel_* m, const mjData_* d, const Trees& trees, const Tree& t,
@@ -199,24 +223,6 @@ double damping_form(const mjModel_* m, const mjData_* d, const Trees& trees, con
 double damping_of(const mjModel_* m, const mjData_* d, const Trees& trees, int dof) {
   if (takes_derivatives(m)) return -d->qDeriv[m->mapD2M[m->M_rowadr[dof] + m->M_rownnz[dof] - 1]];
   return trees.joint_damping[dof];
-}
-
-void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product) {
-  for (int i = 0; i < m->nv; ++i)
-    for (int k = m->M_rowadr[i]; k < m->M_rowadr[i] + m->M_rownnz[i]; ++k) {
-      const int j = m->M_colind[k];
-      const double damping = -d->qDeriv[m->mapD2M[k]];
-      product[i] += damping * v[j];
-      if (i != j) product[j] += damping * v[i];
-    }
-}
-
-double actuator_damping(const mjModel_* m, const mjData_* d, int dof) {
-  if (takes_derivatives(m) || is_discrete(m) || m->nactuator == 0) return 0.0;
-  double sum = 0.0;
-  for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
-    sum += std::abs(d->qDeriv[k]);
-  return sum;
 }
 
 void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, double* product) {

@@ -4,7 +4,6 @@
 
 #include <csetjmp>
 #include <cstring>
-#include <string>
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the log handler
 // of the present thread, which MuJoCo's Python package itself sets around its calls (it returns the

@@ -12,7 +12,7 @@
 #include "dashpot/model/errors.hpp"
 #include "dashpot/model/properties.hpp"
 #include "dashpot/model/sleep.hpp"
-#include "dashpot/rows/divergence.hpp"
+#include "dashpot/rows/trees.hpp"
 #include "discrete.hpp"
 
 namespace dashpot::host {

@@ -31,14 +31,6 @@ bool is_driven(const mjModel* m, const mjData* d, const ContactInput& input) {
          is_on_moving_mocap(m, d, input.geom[0]) || is_on_moving_mocap(m, d, input.geom[1]);
 }
 
-// Where a contact acts on one of its bodies. In the middle between two bodies apart friction would
-// have another arm than where they meet, and so would the two bodies' angular momenta.
-std::array<double, 3> acting_point(const ContactInput& input, int side) {
-  std::array<double, 3> point = input.position;
-  for (int i = 0; i < 3; ++i) point[i] += (side ? 0.5 : -0.5) * input.apart[i];
-  return point;
-}
-
 // Adds what mocap bodies add to the rates of a contact's rows by their motion.
 void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& input,
                       std::array<double, 6>& rate) {
@@ -48,7 +40,7 @@ void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& inp
     const int body = m->geom_bodyid[input.geom[side]];
     mjtNum twist[6], velocity[3];
     mocap_twist_ahead(m, d, body, input.ahead, twist);
-    velocity_of_point(m, d, body, twist, acting_point(input, side).data(), velocity);
+    velocity_of_point(m, d, body, twist, input.acting_point(side).data(), velocity);
     const double sign = side ? 1.0 : -1.0;
     for (int i = 0; i < 3; ++i) {
       rate[i] += sign * mju_dot3(frame + 3 * i, velocity);
@@ -107,7 +99,7 @@ void add_side(const mjModel* m, const mjData* d, const ContactInput& input, int 
   }
   const double sign = side ? 1.0 : -1.0;
   const int body = m->geom_bodyid[input.geom[side]], width = c.width();
-  const std::array<double, 3> point = acting_point(input, side);
+  const std::array<double, 3> point = input.acting_point(side);
   const Vector3d arm = Map<const Vector3d>(point.data()) -
                        Map<const Vector3d>(d->subtree_com + 3 * m->body_rootid[body]);
   int k = c.columns[block] - 1;
@@ -142,7 +134,7 @@ PairGeometry pair_geometry(const mjModel_* m, const mjData_* d, const ContactInp
     if (tree < 0) continue;
     pair.begin[side] = trees.tree[tree].begin;
     const mjtNum* centre = centre_of_motion(m, d, m->geom_bodyid[input.geom[side]]);
-    const std::array<double, 3> point = acting_point(input, side);
+    const std::array<double, 3> point = input.acting_point(side);
     for (int i = 0; i < 3; ++i) pair.arm[side][i] = point[i] - centre[i];
   }
   return pair;

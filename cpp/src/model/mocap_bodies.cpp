@@ -3,7 +3,6 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "dashpot/model/properties.hpp"
@@ -72,6 +71,19 @@ double size_of(const mjModel* m, const MocapVector& way, const MocapVector& angl
   return std::max(mju_norm3(way.data()), kArm * metre(m) * mju_norm3(angle.data()));
 }
 
+// Position (m) and quaternion that a mocap body with the pose `pose`, which the kinematics in `d`
+// are of, would need for the first of its active connects and welds to be met; `pose` without any.
+std::array<double, 7> pose_where_met(const mjModel_* m, const mjData_* d, int mocap,
+                                     const std::array<double, 7>& pose) {
+  for (int i = 0; i < m->neq; ++i) {
+    if (!d->eq_active[i] || !holds(m, i, mocap)) continue;
+    const EqualitySide side[2] = {side_of(m, d, i, 0), side_of(m, d, i, 1)};
+    const int own = mocap_of(m, side[0].body) == mocap ? 0 : 1;
+    return where_met(side[own], side[1 - own], m->eq_type[i] == mjEQ_WELD, pose);
+  }
+  return pose;
+}
+
 }  // namespace
 
 bool holds(const mjModel_* m, int equality, int mocap) {
@@ -83,17 +95,6 @@ bool holds_anything(const mjModel_* m, const mjData_* d, int mocap) {
   for (int i = 0; i < m->neq; ++i)
     if (d->eq_active[i] && holds(m, i, mocap)) return true;
   return false;
-}
-
-std::array<double, 7> pose_where_met(const mjModel_* m, const mjData_* d, int mocap,
-                                     const std::array<double, 7>& pose) {
-  for (int i = 0; i < m->neq; ++i) {
-    if (!d->eq_active[i] || !holds(m, i, mocap)) continue;
-    const EqualitySide side[2] = {side_of(m, d, i, 0), side_of(m, d, i, 1)};
-    const int own = mocap_of(m, side[0].body) == mocap ? 0 : 1;
-    return where_met(side[own], side[1 - own], m->eq_type[i] == mjEQ_WELD, pose);
-  }
-  return pose;
 }
 
 std::vector<int> driven_bodies(const mjModel_* m) {

@@ -8,7 +8,6 @@
 
 #include "dashpot/model/constraint_memory.hpp"
 #include "dashpot/model/constraints.hpp"
-#include "dashpot/model/mocap_bodies.hpp"
 #include "dashpot/model/properties.hpp"
 #include "dashpot/model/sleep.hpp"
 

@@ -16,38 +16,6 @@ namespace {
 // Half-thicknesses of what is thin that stand for its radius; that of a box of 1 : 2 : 2.
 constexpr double kThin = 3.0;
 
-}  // namespace
-
-int geom_count(const mjModel_* m) { return static_cast<int>(m->ngeom); }
-int dof_count(const mjModel_* m) { return static_cast<int>(m->nv); }
-int position_count(const mjModel_* m) { return static_cast<int>(m->nq); }
-int flex_count(const mjModel_* m) { return static_cast<int>(m->nflex); }
-int driven_count(const mjModel_* m) { return static_cast<int>(driven_bodies(m).size()); }
-bool has_equalities(const mjModel_* m) { return m->neq > 0; }
-
-bool has_adhesion(const mjModel_* m) {
-  const int* types = m->actuator_trntype;
-  return m->flg_adhesion || std::count(types, types + m->nactuator, mjTRN_BODY) > 0;
-}
-
-double gravity(const mjModel_* m) {
-  return m->opt.disableflags & mjDSBL_GRAVITY ? 0.0 : mju_norm3(m->opt.gravity);
-}
-
-double usual_gravity(const mjModel_* m) {
-  const double own = gravity(m);
-  return own > 0.0 ? own : kStandardGravity;
-}
-
-double metre(const mjModel_* m) { return std::max(1.0, gravity(m) / kStandardGravity); }
-
-std::array<double, 3> geom_friction(const mjModel_* m, int geom) {
-  const mjtNum* f = geom < 0 ? m->flex_friction + 3 * (-1 - geom) : m->geom_friction + 3 * geom;
-  return {f[0], f[1], f[2]};
-}
-
-namespace {
-
 // Contacts that may be compressed at once, of a scene, and more of each geom that moves, is fixed,
 // or only to be seen until a user gives it a contype, and of each vertex of a flex: what dense
 // heaps have, half of the points of every pair, and as much again.
@@ -88,6 +56,34 @@ double tree_mass(const mjModel* m, int tree) {
 }
 
 }  // namespace
+
+int geom_count(const mjModel_* m) { return static_cast<int>(m->ngeom); }
+int dof_count(const mjModel_* m) { return static_cast<int>(m->nv); }
+int position_count(const mjModel_* m) { return static_cast<int>(m->nq); }
+int flex_count(const mjModel_* m) { return static_cast<int>(m->nflex); }
+int driven_count(const mjModel_* m) { return static_cast<int>(driven_bodies(m).size()); }
+bool has_equalities(const mjModel_* m) { return m->neq > 0; }
+
+bool has_adhesion(const mjModel_* m) {
+  const int* types = m->actuator_trntype;
+  return m->flg_adhesion || std::count(types, types + m->nactuator, mjTRN_BODY) > 0;
+}
+
+double gravity(const mjModel_* m) {
+  return m->opt.disableflags & mjDSBL_GRAVITY ? 0.0 : mju_norm3(m->opt.gravity);
+}
+
+double usual_gravity(const mjModel_* m) {
+  const double own = gravity(m);
+  return own > 0.0 ? own : kStandardGravity;
+}
+
+double metre(const mjModel_* m) { return std::max(1.0, gravity(m) / kStandardGravity); }
+
+std::array<double, 3> geom_friction(const mjModel_* m, int geom) {
+  const mjtNum* f = geom < 0 ? m->flex_friction + 3 * (-1 - geom) : m->geom_friction + 3 * geom;
+  return {f[0], f[1], f[2]};
+}
 
 int geom_priority(const mjModel_* m, int geom) {
   return geom < 0 ? m->flex_priority[-1 - geom] : m->geom_priority[geom];

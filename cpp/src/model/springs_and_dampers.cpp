@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include "dashpot/model/effective_inertia.hpp"
 #include "dashpot/model/jacobians.hpp"

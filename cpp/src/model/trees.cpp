@@ -130,6 +130,12 @@ int slides_of(const mjModel* m, const mjData* d, int body, double* axis, int* do
   return count;
 }
 
+// Whether a tree of the model is several that were joined.
+bool is_joined(const mjModel_* m, int tree) {
+  const int *first = m->dof_parentid + m->tree_dofadr[tree], *last = first + m->tree_dofnum[tree];
+  return std::count(first, last, -1) > 1;
+}
+
 }  // namespace
 
 int tree_count(const mjModel_* m) {
@@ -180,11 +186,6 @@ bool add_translation(const mjModel_* m, const mjData_* d, const Trees& trees, in
     if (mju_norm3(rest) > kOrthogonal) return false;
   }
   return true;
-}
-
-bool is_joined(const mjModel_* m, int tree) {
-  const int *first = m->dof_parentid + m->tree_dofadr[tree], *last = first + m->tree_dofnum[tree];
-  return std::count(first, last, -1) > 1;
 }
 
 Trees make_trees(const mjModel_* m) {

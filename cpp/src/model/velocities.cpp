@@ -3,7 +3,6 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <array>
 
 #include "dashpot/model/mocap_bodies.hpp"
 #include "dashpot/model/properties.hpp"

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "dashpot/law/constants.hpp"
-
 namespace dashpot {
 
 namespace {

@@ -167,18 +167,14 @@ double Memory::parted_hit(int index) const {
 }
 
 EnergyLedger Memory::ledger() const {
-  return {storage_[1], storage_[2], storage_[3], storage_[4],
-          storage_[5], storage_[6], storage_[7]};
+  static_assert(sizeof(EnergyLedger) == (kStepped - 1) * sizeof(double));
+  EnergyLedger ledger;
+  std::memcpy(&ledger, storage_ + 1, sizeof(ledger));
+  return ledger;
 }
 
 void Memory::set_ledger(const EnergyLedger& ledger) {
-  storage_[1] = ledger.elastic;
-  storage_[2] = ledger.dissipated_normal;
-  storage_[3] = ledger.dissipated_friction;
-  storage_[4] = ledger.dissipated_constraint;
-  storage_[5] = ledger.dissipated_recovery;
-  storage_[6] = ledger.dissipated_damping;
-  storage_[7] = ledger.work;
+  std::memcpy(storage_ + 1, &ledger, sizeof(ledger));
 }
 
 void Memory::remember(const std::vector<ContactInput>& contacts,

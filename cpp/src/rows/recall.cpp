@@ -7,7 +7,6 @@
 #include "dashpot/law/constants.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
-#include "spring_places.hpp"
 
 namespace dashpot {
 
@@ -25,6 +24,58 @@ constexpr double kSteadyTurning = 0.4;
 // its deformation. What rows and position differ by has either sign: where the smaller counted, a
 // weld at 22 rad/s lost 2 % of its energy in 5 s at 1 ms. Stiffer ones would take it for force.
 constexpr double kSoftEquality = 1.0;
+constexpr double kRounding = 1e-9;  // relative, of stiffness by inverse mass
+
+// Whether a limit or equality of which nothing is remembered, and whose solref the model sets,
+// begins with what its spring bears: an equality, which users switch on, in any step, a limit in
+// the first of all.
+bool begins_stretched(const Memory& memory, const ConstraintInput& input, const RowGroup& c) {
+  return input.has_solref && (c.kind == RowKind::kBilateral || memory.starts());
+}
+
+// Where the springs of limits and equalities are by their positions: of those that grow stiffer on
+// their way, where one as stiff as the row bears the load that belongs to the position
+// (islands/solref_load.hpp). They store what they took from bodies, and what they had lost before,
+// but no more: where steps do not resolve how they grow stiffer nothing is gained.
+//
+// The position (m or rad) of a spring, and the energy (J) that this stands for.
+struct SpringPlace {
+  double position, stored;
+};
+
+// One that steps do not resolve has its own position, and a load of its own.
+SpringPlace place_of_spring(const ConstraintInput& input, const Rows& rows, const RowGroup& c) {
+  const double x = input.position, k = rows.stiffness[c.row];
+  const double bears = c.solref.load / (rows.typical_inverse_mass[c.row] * k);
+  const bool resolved = c.solref.load > 0.0 && bears <= (1.0 + kRounding) * std::abs(x);
+  return {resolved ? std::copysign(bears, x) : x, resolved ? c.stored : 0.5 * k * x * x};
+}
+
+// Whether rows that have one impedance, from group `first` on, grow stiffer on their way.
+bool grows_stiffer(const StepView& step, const Rows& rows, size_t first) {
+  const auto begin = rows.group.begin() + first;
+  return std::any_of(begin, begin + step.constraints[begin->input].together,
+                     [](const RowGroup& c) { return c.solref.load > 0.0; });
+}
+
+// What part of their places they may be deformed by, and the `energy_tank` (J) that is left of what
+// they had lost.
+double part_of_places(const StepView& step, const Rows& rows, size_t first, double& energy_tank) {
+  double stored = 0.0, remembered = 0.0;
+  for (int i = 0; i < step.constraints[rows.group[first].input].together; ++i) {
+    const RowGroup& c = rows.group[first + i];
+    const ConstraintInput& input = step.constraints[c.input];
+    const RememberedConstraint old = step.memory.constraint(input.memory);
+    if (old.stiffness == 0.0 && begins_stretched(step.memory, input, c)) return 1.0;
+    stored += place_of_spring(input, rows, c).stored;
+    remembered += 0.5 * old.stiffness * old.deformation * old.deformation + old.beyond;
+  }
+  energy_tank = std::min(energy_tank, std::max(0.0, remembered)) + remembered - stored;
+  if (energy_tank >= 0.0 || stored <= 0.0) return 1.0;
+  const double left = std::max(0.0, stored + energy_tank);
+  energy_tank = std::min(0.0, stored + energy_tank);
+  return std::sqrt(left / stored);
+}
 
 // Component of `local` (frame of geom 1) along a world direction.
 double along(const double* local, const std::array<double, 9>& rotation, const double* direction) {

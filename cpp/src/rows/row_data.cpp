@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
-#include "dashpot/rows/energy_ledger.hpp"
+#include "dashpot/rows/row_data.hpp"
 
 namespace dashpot {
 
@@ -27,6 +26,16 @@ bool is_hit_on(const Rows& rows, const RowData& data, const RowGroup& c) {
   const double swing = square * (square * x * x + coming * coming);
   return swing > kHitLoads * kHitLoads * load * load &&
          rate * rate > kSwinging * kSwinging * square * x * x;
+}
+
+void add_elastic_energy(const Rows& rows, const RowData& data, int index, EnergyShares& energy) {
+  const RowGroup& c = rows.group[index];
+  if (c.is_unilateral() && data.deformation[c.row] >= 0.0) return;
+  share(energy, c, 0) += data.beyond[index];
+  for (int i = 0; i < c.dim; ++i) {
+    const double x = data.deformation[c.row + i];
+    share(energy, c, i) += 0.5 * rows.stiffness[c.row + i] * x * x;
+  }
 }
 
 }  // namespace
@@ -71,20 +80,6 @@ double bearable_of(const Rows& rows, const RowData& data, const RowGroup& c,
   const double load = first_rate(rows, c, data.smooth_acceleration);
   return bearable + 2.0 * std::max(0.0, -load) / kappa;
 }
-
-namespace {
-
-void add_elastic_energy(const Rows& rows, const RowData& data, int index, EnergyShares& energy) {
-  const RowGroup& c = rows.group[index];
-  if (c.is_unilateral() && data.deformation[c.row] >= 0.0) return;
-  share(energy, c, 0) += data.beyond[index];
-  for (int i = 0; i < c.dim; ++i) {
-    const double x = data.deformation[c.row + i];
-    share(energy, c, i) += 0.5 * rows.stiffness[c.row + i] * x * x;
-  }
-}
-
-}  // namespace
 
 double elastic_energy(const Rows& rows, const RowData& data, const std::vector<int>& groups) {
   EnergyShares energy;

@@ -1,6 +1,5 @@
 #include "dashpot/rows/rows.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include "dashpot/rows/mass_weighted.hpp"

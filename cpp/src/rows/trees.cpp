@@ -1,13 +1,12 @@
 #include "dashpot/rows/trees.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <string>
 
 #include "dashpot/lanes/instruction_sets.hpp"
 #include "dashpot/lanes/lane_blocks.hpp"
 #include "dashpot/lanes/lanes.hpp"
-#include "dashpot/rows/divergence.hpp"
+#include "dashpot/rows/trees.hpp"
 
 namespace dashpot {
 

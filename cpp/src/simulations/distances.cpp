@@ -8,7 +8,6 @@
 #include "dashpot/detect/geometry_host.hpp"
 #include "dashpot/model/errors.hpp"
 #include "dashpot/model/state.hpp"
-#include "dashpot/threads/parallel.hpp"
 
 namespace dashpot {
 

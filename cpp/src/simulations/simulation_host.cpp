@@ -3,14 +3,11 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <optional>
 #include <stdexcept>
 
 #include "dashpot/model/checks.hpp"
 #include "dashpot/model/errors.hpp"
-#include "dashpot/model/state.hpp"
 #include "dashpot/simulations/distances.hpp"
-#include "dashpot/step/engine.hpp"
 
 namespace dashpot {
 
@@ -44,76 +41,66 @@ int state_size(const mjModel_* model, int spec) {
   return static_cast<int>(mj_stateSize(model, spec));
 }
 
-struct Simulation::Impl {
-  explicit Impl(const mjModel* m) : model(m) {}
-  host::ModelView model;
-  host::OwnedData data;
-  std::optional<Stepper> stepper;
-};
-
-Simulation::Simulation(const mjModel_* model, const Parameters* parameters)
-    : impl_(std::make_unique<Impl>(model)) {
+Simulation::Simulation(const mjModel_* model, const Parameters* parameters) : model_(model) {
   update_model(model);
-  if (parameters) impl_->stepper.emplace(impl_->model.get(), *parameters);
-  impl_->data = host::make_data(impl_->model.get());
+  if (parameters) stepper_.emplace(model_.get(), *parameters);
+  data_ = host::make_data(model_.get());
 }
-
-Simulation::~Simulation() = default;
 
 void Simulation::update_model(const mjModel_* model) {
-  impl_->model.update(model);
+  model_.update(model);
   // A diverging run has to be seen, not silently started over.
-  impl_->model.get()->opt.disableflags |= mjDSBL_AUTORESET;
+  model_.get()->opt.disableflags |= mjDSBL_AUTORESET;
 }
 
-void Simulation::set_timestep(double timestep) { impl_->model.get()->opt.timestep = timestep; }
+void Simulation::set_timestep(double timestep) { model_.get()->opt.timestep = timestep; }
 
-void Simulation::reset() { mj_resetData(impl_->model.get(), impl_->data.get()); }
+void Simulation::reset() { mj_resetData(model_.get(), data_.get()); }
 
 void Simulation::set_state(const double* state, int spec) {
-  mj_setState(impl_->model.get(), impl_->data.get(), state, spec);
+  mj_setState(model_.get(), data_.get(), state, spec);
 }
 
 void Simulation::get_state(double* state, int spec) const {
-  mj_getState(impl_->model.get(), impl_->data.get(), state, spec);
+  mj_getState(model_.get(), data_.get(), state, spec);
 }
 
 void Simulation::set_position_velocity(const double* qpos, const double* qvel) {
-  std::copy_n(qpos, impl_->model.get()->nq, impl_->data->qpos);
-  std::copy_n(qvel, impl_->model.get()->nv, impl_->data->qvel);
+  std::copy_n(qpos, model_.get()->nq, data_->qpos);
+  std::copy_n(qvel, model_.get()->nv, data_->qvel);
 }
 
 void Simulation::set_control(const double* control) {
-  std::copy_n(control, impl_->model.get()->nu, impl_->data->ctrl);
+  std::copy_n(control, model_.get()->nu, data_->ctrl);
 }
 
-const double* Simulation::sensordata() const { return impl_->data->sensordata; }
+const double* Simulation::sensordata() const { return data_->sensordata; }
 
 void Simulation::call(void (*function)(const mjModel*, mjData*)) {
   try {
-    const host::ErrorGuard guard(impl_->data.get());
-    host::call_with_callbacks(function, impl_->model.get(), impl_->data.get());
+    const host::ErrorGuard guard(data_.get());
+    host::call_with_callbacks(function, model_.get(), data_.get());
   } catch (const host::CallbackError&) {
     refuse_callbacks();
   }
 }
 
-void Simulation::differentiate(bool whether) { impl_->stepper->differentiate(whether); }
+void Simulation::differentiate(bool whether) { stepper_->differentiate(whether); }
 
 void Simulation::complete_last_step() {
   try {
-    impl_->stepper->complete_last_step(impl_->data.get());
+    stepper_->complete_last_step(data_.get());
   } catch (const host::CallbackError&) {
     refuse_callbacks();
   }
 }
 
 void Simulation::step() {
-  mjModel* model = impl_->model.get();
-  mjData* data = impl_->data.get();
-  if (impl_->stepper) {
+  mjModel* model = model_.get();
+  mjData* data = data_.get();
+  if (stepper_) {
     try {
-      impl_->stepper->step(data, 1, false);
+      stepper_->step(data, 1, false);
     } catch (const host::CallbackError&) {
       refuse_callbacks();
     }
@@ -127,11 +114,11 @@ void Simulation::step() {
   }
 }
 
-void Simulation::update_kinematics() { mj_kinematics(impl_->model.get(), impl_->data.get()); }
+void Simulation::update_kinematics() { mj_kinematics(model_.get(), data_.get()); }
 
 void Simulation::update_sensors() {
-  mjModel* model = impl_->model.get();
-  mjData* data = impl_->data.get();
+  mjModel* model = model_.get();
+  mjData* data = data_.get();
   // Sensors compute these where no one has since the last step.
   data->flg_energypos = data->flg_energyvel = data->flg_subtreevel = 0;
   mj_fwdKinematics(model, data);
@@ -143,12 +130,12 @@ void Simulation::update_sensors() {
 }
 
 void Simulation::body_pose(int body, double* position, double* quaternion) const {
-  std::copy_n(impl_->data->xpos + 3 * body, 3, position);
-  std::copy_n(impl_->data->xquat + 4 * body, 4, quaternion);
+  std::copy_n(data_->xpos + 3 * body, 3, position);
+  std::copy_n(data_->xquat + 4 * body, 4, quaternion);
 }
 
 double Simulation::distance(int geom1, int geom2) const {
-  return geom_distance(impl_->model.get(), impl_->data.get(), geom1, geom2).distance;
+  return geom_distance(model_.get(), data_.get(), geom1, geom2).distance;
 }
 
 }  // namespace dashpot

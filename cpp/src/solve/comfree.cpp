@@ -46,12 +46,8 @@ void find_couplings(const Rows& rows, const Trees& trees, std::vector<double>& s
       [&](size_t index, int column, double size) { sums[index] += size * response[column]; });
 }
 
-}  // namespace
-
-double effective_mass(double impedance, double inverse_mass) {
-  return 1.0 / std::max(kMinimumValue, inverse_mass * (1.0 - impedance) / impedance);
-}
-
+// Forces of the `dim` rows of one contact or limit in overlap, for the predicted rates of its rows;
+// `friction` holds dim - 1 coefficients.
 void facet_forces(const ComFree& law, double mass, double gap, const double* predicted_rate,
                   const double* friction, int dim, double step, double* force) {
   const auto facet = [&](double rate) {
@@ -69,6 +65,12 @@ void facet_forces(const ComFree& law, double mass, double gap, const double* pre
     force[0] += plus + minus;
     force[i] = mu * (plus - minus);
   }
+}
+
+}  // namespace
+
+double effective_mass(double impedance, double inverse_mass) {
+  return 1.0 / std::max(kMinimumValue, inverse_mass * (1.0 - impedance) / impedance);
 }
 
 void update_complementarity_free(const ComFree& law, const Rows& rows, const Trees& trees,

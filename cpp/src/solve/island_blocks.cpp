@@ -1,7 +1,6 @@
 #include "island_blocks.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <new>

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "dashpot/model/forces.hpp"
 #include "dashpot/model/state.hpp"
 
 namespace dashpot {

@@ -1,16 +1,14 @@
-// What becomes of the energy of a step (rows/energy_ledger.hpp).
+// What becomes of the energy of a step (rows/row_data.hpp).
 
 #pragma once
 
 #include <vector>
 
 #include "dashpot/model/forces.hpp"
-#include "dashpot/rows/energy_ledger.hpp"
 #include "dashpot/rows/memory.hpp"
+#include "dashpot/rows/row_data.hpp"
 #include "dashpot/threads/team.hpp"
 #include "solved_substep.hpp"
-
-struct mjData_;
 
 namespace dashpot {
 

@@ -1,4 +1,4 @@
-#include "row_assembly.hpp"
+// The rows of a step: what detection found, with materials, Jacobians and inverse masses.
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +8,7 @@
 #include "dashpot/model/jacobians.hpp"
 #include "dashpot/model/properties.hpp"
 #include "dashpot/rows/mass_weighted.hpp"
+#include "stepper_impl.hpp"
 
 namespace dashpot {
 
@@ -94,11 +95,10 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
 
 }  // namespace
 
-void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters& parameters,
-                   const std::vector<ConstraintInput>& constraints,
-                   const std::vector<ContactInput>& contacts, const host::RowTurns& turns,
-                   TreeMotion& motion, Rows& rows, std::vector<GroupMaterial>& materials,
-                   Team& team) {
+// Replaces the rows by those of constraints and contacts, in this order, and the materials by
+// theirs, one per group; fills in the inverse inertia of the trees they reach.
+void Stepper::Impl::build_rows(mjData_* d) {
+  act_along_in_links(d);
   const Trees& trees = motion.trees();
   int count = static_cast<int>(constraints.size());
   for (const ContactInput& contact : contacts) count += contact.dim;
@@ -111,14 +111,14 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     motion.ask_for_inverse(c.tree);
     rows.friction[c.row] = input.limit;
     c.is_damper = input.damping > 0.0;
-    rows.typical_inverse_mass[c.row] = host::typical_inverse_mass(model, data, input);
+    rows.typical_inverse_mass[c.row] = host::typical_inverse_mass(model, d, input);
     materials[i] = material_of(input);
-    host::append_jacobian(model, data, input, trees, turns, rows);
+    host::append_jacobian(model, d, input, trees, row_turns, rows);
     append_mass_weighted(rows, c, trees);
   }
   mark_ends_of_ranges(constraints, rows);
-  append_contacts(model, data, contacts, motion, rows);
-  motion.invert_inertia(data, team);
+  append_contacts(model, d, contacts, motion, rows);
+  motion.invert_inertia(d, team);
   const int groups = static_cast<int>(rows.group.size());
   team.share(groups, kGroupsAtOnce, [&](int, int first, int last) {
     for (int i = first; i < last; ++i) {
@@ -126,7 +126,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
         prefetch_inertia(trees, rows.group[i + kPrefetched].tree);
       RowGroup& c = rows.group[i];
       if (c.kind == RowKind::kContact)
-        fill_contact(model, data, parameters, contacts[c.input], trees, rows, c, materials[i]);
+        fill_contact(model, d, parameters, contacts[c.input], trees, rows, c, materials[i]);
       else
         find_inverse_mass(rows, c, trees);
     }

@@ -1,6 +1,9 @@
 #include "row_plan.hpp"
 
+#include "dashpot/islands/island_hits.hpp"
+#include "dashpot/islands/modal_damping.hpp"
 #include "dashpot/islands/solref_load.hpp"
+#include "dashpot/islands/static_deflection_limits.hpp"
 
 namespace dashpot {
 
@@ -9,16 +12,16 @@ void RowPlan::find(const mjModel_* model, const StepView& step, const Trees& tre
                    Rows& rows, std::vector<GroupMaterial>& materials, RowData& data, Team& team) {
   find_islands(rows, trees);
   if (read_solref_at_load(step, data.velocity, rows, materials))
-    clamped_bodies_.find(model, step.contacts, rows, materials);
-  deflection_limits_.find(model, step, rows, data.velocity, team);
+    damp_clamped_bodies(model, step.contacts, rows, materials);
+  find_deflection_times(model, step, rows, data.velocity, team, deflection_times_);
   find_hits(step, rows, islands(), hit_frequency, data);
-  inactive_contacts_.find(step, rows, islands(), static_cast<int>(trees.tree.size()), data);
-  modal_damping_.find(model, materials, step.contacts, trees, inactive_contacts_.stays_open(), data,
-                      step.length, rows);
-  tied_mass_.find(step, materials, trees, islands(), modal_damping_.compressions(), data, rows);
+  find_inactive_contacts(step, rows, islands(), static_cast<int>(trees.tree.size()), data,
+                         stays_open_);
+  damp_modes(model, materials, step.contacts, trees, stays_open_, data, step.length, rows,
+             compression_);
+  tied_mass_.find(step, materials, trees, islands(), compression_, data, rows);
   islands_.plan(rows, trees,
-                {materials, deflection_limits_.of_group(), inactive_contacts_.stays_open(), data,
-                 step.length, resolved, options},
+                {materials, deflection_times_, stays_open_, data, step.length, resolved, options},
                 team);
 }
 

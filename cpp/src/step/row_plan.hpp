@@ -5,13 +5,9 @@
 
 #include <vector>
 
-#include "dashpot/islands/clamped_bodies.hpp"
 #include "dashpot/islands/group_material.hpp"
-#include "dashpot/islands/inactive_contacts.hpp"
-#include "dashpot/islands/island_hits.hpp"
 #include "dashpot/islands/islands.hpp"
-#include "dashpot/islands/modal_damping.hpp"
-#include "dashpot/islands/static_deflection_limits.hpp"
+#include "dashpot/islands/row_stiffness.hpp"
 #include "dashpot/islands/tied_mass.hpp"
 #include "dashpot/law/parameters.hpp"
 #include "dashpot/rows/hit.hpp"
@@ -20,8 +16,6 @@
 #include "dashpot/rows/step_view.hpp"
 #include "dashpot/rows/trees.hpp"
 #include "dashpot/threads/team.hpp"
-
-struct mjModel_;
 
 namespace dashpot {
 
@@ -41,11 +35,11 @@ class RowPlan {
 
  private:
   Islands islands_;
-  StaticDeflectionLimits deflection_limits_;
-  ClampedBodies clamped_bodies_;
-  ModalDamping modal_damping_;
-  InactiveContacts inactive_contacts_;
   TiedMass tied_mass_;
+  // By group.
+  std::vector<DeflectionTime> deflection_times_;
+  std::vector<char> stays_open_;
+  std::vector<double> compression_;
 };
 
 }  // namespace dashpot

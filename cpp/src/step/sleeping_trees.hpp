@@ -10,9 +10,6 @@
 #include "dashpot/rows/rows.hpp"
 #include "solved_substep.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot {
 
 // Keeps its arrays from step to step.

@@ -10,8 +10,6 @@
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 
-struct mjModel_;
-
 namespace dashpot {
 
 // By tree, what rows did to it in the substep, see RowsOnTree.

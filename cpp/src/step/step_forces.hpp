@@ -8,8 +8,6 @@
 #include "dashpot/threads/team.hpp"
 #include "solved_substep.hpp"
 
-struct mjData_;
-
 namespace dashpot {
 
 // Keeps its arrays from step to step.

@@ -1,8 +1,8 @@
 // What a stepper holds. The step is in engine.cpp; how far its substeps go in substep_length.cpp,
-// their rows in substep_rows.cpp, the geometry of these in geometry.cpp, the state at the end in
-// state.cpp. How rows are planned is in row_plan.hpp, what their forces are in step_forces.hpp,
-// what becomes of energy in energy_accounting.hpp, and what sleeps in sleeping_trees.hpp. What is
-// virtual is another thing under the complementarity-free law (comfree_stepper.hpp).
+// their rows in substep_rows.cpp and row_assembly.cpp, the state at the end in state.cpp. How rows
+// are planned is in row_plan.hpp, what their forces are in step_forces.hpp, what becomes of energy
+// in energy_accounting.hpp, and what sleeps in sleeping_trees.hpp. What is virtual is another thing
+// under the complementarity-free law (comfree_stepper.hpp).
 
 #pragma once
 
@@ -12,19 +12,18 @@
 #include "dashpot/impacts/flight_contacts.hpp"
 #include "dashpot/impacts/impact.hpp"
 #include "dashpot/impacts/impact_propagation.hpp"
-#include "dashpot/impacts/middle.hpp"
 #include "dashpot/integrate/trapezoid.hpp"
 #include "dashpot/integrate/tree_motion.hpp"
-#include "dashpot/islands/contact_matching.hpp"
+#include "dashpot/islands/group_material.hpp"
 #include "dashpot/model/checks.hpp"
 #include "dashpot/model/host.hpp"
 #include "dashpot/model/mocap_motion.hpp"
+#include "dashpot/model/row_turns.hpp"
 #include "dashpot/model/state.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_clock.hpp"
 #include "dashpot/rows/step_view.hpp"
 #include "dashpot/solve/microstep.hpp"
 #include "dashpot/step/contacts.hpp"
@@ -32,7 +31,6 @@
 #include "dashpot/threads/pace.hpp"
 #include "dashpot/threads/team.hpp"
 #include "energy_accounting.hpp"
-#include "row_assembly.hpp"
 #include "row_plan.hpp"
 #include "sleeping_trees.hpp"
 #include "solved_substep.hpp"
@@ -146,8 +144,7 @@ struct Stepper::Impl {
   host::RowTurns row_turns;
   Rows rows;
   std::vector<GroupMaterial> materials;  // per group
-  ContactMatching matching;
-  std::vector<Match> matches;  // per group
+  std::vector<Match> matches;            // per group
   RowPlan plan;
 
   // What they do.

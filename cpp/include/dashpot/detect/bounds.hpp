@@ -16,9 +16,6 @@ struct BoundingBox {
 };
 BoundingBox bounding_box(const mjModel_* m, const mjData_* d, int geom);
 
-// Half-width (m) of a box along a unit vector of the world.
-double half_width_along(const BoundingBox& box, const double* direction);
-
 // Height (m) of the lowest point of a box over a plane geom.
 double height_over_plane(const mjData_* d, int plane, const BoundingBox& box);
 

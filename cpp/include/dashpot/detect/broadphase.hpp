@@ -6,9 +6,6 @@
 
 #include "dashpot/detect/reach.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 // A geom, and the distance (m) at which contact with it starts.

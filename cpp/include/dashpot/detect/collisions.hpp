@@ -15,7 +15,7 @@
 // open by some 0.003 rad, that of a cylinder along an edge by 0.5. Here it goes on to a thousandth
 // of that. Then MuJoCo clips faces against each other for more points, which need not be those that
 // touch. Here the nearest points stay unless geoms lie flat (detect/face_contacts.hpp) or side by
-// side (detect/side_by_side.hpp).
+// side (detect/face_contacts.hpp).
 //
 // Points on height fields are those of detect/terrain.hpp.
 

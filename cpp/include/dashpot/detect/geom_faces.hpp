@@ -8,16 +8,28 @@
 #include <optional>
 #include <vector>
 
-#include "dashpot/detect/surplus_contacts.hpp"
-#include "dashpot/geometry/coarse_hull.hpp"
 #include "dashpot/geometry/face_manifold.hpp"
 #include "dashpot/geometry/flat_faces.hpp"
+#include "dashpot/geometry/hull.hpp"
 #include "dashpot/geometry/shallow_cap.hpp"
 
 struct mjModel_;
 struct mjData_;
 
 namespace dashpot::host {
+
+// A contact that MuJoCo has no room for. It keeps room for a pair's contacts by the types of its
+// geoms: eight of two boxes, four of a mesh. What faces share beyond that waits until collision is
+// done, and then goes in beside the pair's other contacts.
+struct SurplusContact {
+  std::array<int, 2> geom;
+  double distance;
+  std::array<double, 3> position, normal;
+};
+
+// After MuJoCo's collision, before its rows: adds contacts to those of their pairs, in the order in
+// which it asked for them. Whether they fit into the memory of the model; if not, none are added.
+bool add_surplus(mjData_* d, const std::vector<SurplusContact>& surplus);
 
 // Least cosine between the normals of a face and of a contact on it.
 inline constexpr double kOfFace = 0.999999;
@@ -58,10 +70,8 @@ bool find_cap(const mjModel_* m, const GeomFace& mesh, const Eigen::Vector3d& up
 
 // Whether geoms of a type have faces to lie on: boxes, meshes, and cylinders with their flat ends.
 bool has_faces(int type);
-// Whether a geom has a face along a unit direction (world), its normal within `cosine` of it.
-bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Eigen::Vector3d& direction,
-                    double cosine, FaceBuffers& buffers);
-// The normal of that face; none where there is none.
+// The normal of the face that a geom has along a unit direction (world), within `cosine` of it;
+// none where there is none.
 std::optional<Eigen::Vector3d> face_normal_along(const mjModel_* m, const mjData_* d, int geom,
                                                  const Eigen::Vector3d& direction, double cosine,
                                                  FaceBuffers& buffers);

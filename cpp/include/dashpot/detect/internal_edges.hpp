@@ -14,7 +14,7 @@
 // s+ = max(0, s): what it touches ends its fall. Of a face along m the height where the geom comes
 // to it counts, not that of its far end. b is the sag of a tile that is a body itself: how deep it
 // is pressed into what bears it, and that into the next. What the other one continues is not seen
-// in the middle of the step past its end (detect/far_pair.hpp).
+// in the middle of the step past its end (detect/pair_ahead.hpp).
 //
 // What rolls over an internal edge is for a while in touch with the face of one tile and the edge
 // of the other, in one place: two springs, of which the one ahead begins without compression. Of
@@ -29,9 +29,6 @@
 #include "dashpot/detect/geom_faces.hpp"
 #include "dashpot/detect/supports.hpp"
 #include "dashpot/rows/rows.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 

@@ -5,13 +5,10 @@
 #include <array>
 #include <vector>
 
-#include "dashpot/detect/apart.hpp"
 #include "dashpot/detect/candidates.hpp"
+#include "dashpot/detect/narrowing.hpp"
 #include "dashpot/detect/scratch.hpp"
 #include "dashpot/threads/team.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 

@@ -15,9 +15,6 @@
 #include "dashpot/detect/geom_faces.hpp"
 #include "dashpot/model/errors.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 // Kept from step to step.

@@ -9,9 +9,6 @@
 #include "dashpot/detect/geometry_host.hpp"
 #include "dashpot/rows/rows.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 // Cosine between normals that are the same.

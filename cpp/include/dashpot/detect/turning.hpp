@@ -43,14 +43,26 @@
 
 #include <vector>
 
-#include "dashpot/detect/turning_step.hpp"
+#include "dashpot/rows/hit.hpp"
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/trees.hpp"
 #include "dashpot/threads/team.hpp"
 
 struct mjModel_;
 struct mjData_;
 
 namespace dashpot::host {
+
+// What is known of a step before its contacts are frozen.
+struct TurningStep {
+  double length;    // s
+  bool any_motion;  // none is so small that it counts as rest, as where a step is differentiated
+  const Trees& trees;
+  const double* motion;           // velocities in motion coordinates
+  const HitFrequency& frequency;  // of contacts that may be hit
+  const Memory& memory;           // of what was hit in the last step
+};
 
 struct FaceBuffers;
 class Scratch;

@@ -12,7 +12,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "dashpot/geometry/coarse_hull.hpp"
+#include "dashpot/geometry/hull.hpp"
 
 namespace dashpot {
 

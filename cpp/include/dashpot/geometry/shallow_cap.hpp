@@ -13,8 +13,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "dashpot/geometry/coarse_hull.hpp"
 #include "dashpot/geometry/face_manifold.hpp"
+#include "dashpot/geometry/hull.hpp"
 #include "dashpot/geometry/shape.hpp"
 
 namespace dashpot {

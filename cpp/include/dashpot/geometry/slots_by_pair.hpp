@@ -1,4 +1,4 @@
-// Finds remembered contacts by their geom pair.
+// Finds remembered contacts by their geom pair, and by where they are.
 
 #pragma once
 
@@ -7,6 +7,13 @@
 #include <vector>
 
 namespace dashpot {
+
+// Squared distance (m^2) of two points.
+inline double squared_distance(const double* a, const double* b) {
+  double sum = 0.0;
+  for (int i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return sum;
+}
 
 // A geom pair as one number.
 inline std::uint64_t pair_key(int geom1, int geom2) {

@@ -7,9 +7,44 @@
 #include <array>
 #include <optional>
 
-#include "dashpot/geometry/height_field_grid.hpp"
+#include "dashpot/geometry/shape.hpp"
 
 namespace dashpot {
+
+// Where the corners and cells of a height field are, in its frame.
+class HeightFieldGrid {
+ public:
+  // The field must outlive it.
+  explicit HeightFieldGrid(const HeightField& field)
+      : field_(field),
+        width_(2.0 * field.half_x / (field.columns - 1)),
+        depth_(2.0 * field.half_y / (field.rows - 1)) {}
+
+  int rows() const { return field_.rows - 1; }        // of cells
+  int columns() const { return field_.columns - 1; }  // of cells
+  double width() const { return width_; }             // m, of a cell along x
+  double depth() const { return depth_; }             // m, of a cell along y
+
+  // Lines of the grid, m; and on which line, or between which, a place is.
+  double x(int column) const { return column * width_ - field_.half_x; }
+  double y(int row) const { return row * depth_ - field_.half_y; }
+  double column_at(double x) const { return (x + field_.half_x) / width_; }
+  double row_at(double y) const { return (y + field_.half_y) / depth_; }
+
+  // As high as the field has it, finite or not.
+  Eigen::Vector3d corner(int row, int column) const {
+    return {x(column), y(row), field_.elevation * field_.heights[row * field_.columns + column]};
+  }
+  // Row and column of the corners of one of the two triangles of a cell: its low and its high
+  // corner, and the third, of `half` 0 along x, of 1 along y.
+  static std::array<std::array<int, 2>, 3> corners(int row, int column, int half) {
+    return {{{row, column}, {row + 1, column + 1}, {row + half, column + 1 - half}}};
+  }
+
+ private:
+  const HeightField& field_;
+  double width_, depth_;
+};
 
 // Sine of the angle by which a surface bends at an edge up to which it is flat there: what rounding
 // of heights to single precision leaves, some 1e-7 of the height over a cell, and more.
@@ -78,6 +113,57 @@ class Terrain {
 
   const HeightField& field_;
   HeightFieldGrid grid_;
+};
+
+// Fractions of the geom's radius: by how much a contact may be less deep than one that it stands
+// for.
+inline constexpr double kAsDeep = 1e-5;
+
+struct TerrainContact {
+  Eigen::Vector3d position, normal;  // halfway between the surfaces, m; unit, out of the terrain
+  double distance = 0.0;             // m, negative in overlap
+  int surface = -1;                  // of the geom's round ones that touches; -1 where none does
+};
+
+// Whether contacts of a round surface with two planes, found where their lowest points lie over
+// triangles of them, are one: `deepest` (m) the smaller of their distances, `apart` (m) how far
+// apart they are, `turn` the distance of their normals, `approach` (m) that of the step along it.
+//
+// Under the radius r planes that differ by the angle a are touched a r apart, each from where the
+// other is a^2 r / 2 deep on. A surface that lies deeper has touched the second before it is found,
+// and then two springs would bear what one does. What is rigid meets the second within a step of
+// coming to lie over it, and hits it.
+bool are_in_one_place(double deepest, double apart, double turn, double approach);
+
+// The contacts of one geom with a terrain, in the frame of that.
+class TerrainContacts {
+ public:
+  static constexpr int kRoom = 50;
+
+  // `radius` (m) of the geom about its centre.
+  explicit TerrainContacts(double radius) : radius_(radius) {}
+
+  int count() const { return count_; }
+  const TerrainContact* begin() const { return contact_.data(); }
+  const TerrainContact* end() const { return contact_.data() + count_; }
+
+  // The nearest stay where there is no room for all.
+  void add(const TerrainContact& contact);
+  // Whether one that is as deep stands for one within `place` (m), of normals within `cosine`.
+  bool has(const Eigen::Vector3d& position, const Eigen::Vector3d& normal, double distance,
+           double place, double cosine) const;
+  // Whether one of a round surface is on the plane of a triangle about a point of the geom.
+  bool has_on_plane(const TerrainTriangle& triangle, const Eigen::Vector3d& point,
+                    int surface) const;
+  double deepest() const;  // least distance (m), 0 where nothing overlaps
+  // Of those of a round surface that are in one place the deepest stays; `way` (m) of the geom in
+  // the step.
+  void merge(const Eigen::Vector3d& way);
+
+ private:
+  double radius_;
+  std::array<TerrainContact, kRoom> contact_;
+  int count_ = 0;
 };
 
 }  // namespace dashpot

@@ -10,28 +10,46 @@
 // - belongs to free, fixed or mocap bodies on which nothing else can act in the step: no
 //   constraint, no contact that touches or closes, none that what it acts on may come to,
 //
-// the time of impact along their smooth motion (flight.hpp) is found. A pair without one in the
-// step is a near miss: its contacts are left out, the next step finds them anew. Where the surfaces
-// meet along a normal that the contacts found do not have, or where none of these closes, the
-// nearest becomes the one of the impact, in the place that its two points have at the start.
+// the time of impact along their smooth motion is found. A pair without one in the step is a near
+// miss: its contacts are left out, the next step finds them anew. Where the surfaces meet along a
+// normal that the contacts found do not have, or where none of these closes, the nearest becomes
+// the one of the impact, in the place that its two points have at the start.
 //
 // Planes have the same normal everywhere, and are left as found. So is the face of a tile for those
 // that it goes on in, whose own contacts are left out (detect/internal_edges.hpp): a ball may
 // fly past its end, and meet the next one.
+//
+// The pair is followed along the parabolas of the centres of mass to its time of impact
+// (query.hpp), turning at the mean rates of the step, by a clearance that covers what those leave
+// out: with the angular accelerations alpha of the bodies and arms r about their centres, over the
+// step H
+//
+//     (|alpha_1| r_1 + |alpha_2| r_2) H^2 / 8 .
 
 #pragma once
 
+#include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
 #include "dashpot/detect/geometry_host.hpp"
-#include "dashpot/impacts/flight.hpp"
-#include "dashpot/impacts/geom_pair.hpp"
+#include "dashpot/detect/reach.hpp"
 #include "dashpot/rows/rows.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot {
+
+// A pair whose contacts, from `first` to `last`, are all apart, and where its motion leads.
+struct Flight {
+  size_t first = 0, last = 0;
+  bool misses = false, meets = false;  // neither: not followed
+  // Of the impact: the normal; the points that meet, from the bodies' centres of mass at the start
+  // on with the arms that they have then, and in the frames of their geoms; the gap at the start
+  // from which the rates at those points lead to the impact.
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+  Eigen::Vector3d point[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  Eigen::Vector3d local[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  double gap = 0.0;
+};
 
 // Keeps its arrays from step to step.
 class FlightContacts {

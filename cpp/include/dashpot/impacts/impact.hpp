@@ -10,21 +10,27 @@
 //   this substep could change the motion, and for articulated trees, whose motion is not rigid.)
 // - those in touch keep their rows while neither geom turns by more than 0.005 rad,
 //   nor the normal of two round ones, nor the pair approaches by more than e / 4. The geometry is
-//   that of the middle of the substep (see middle.hpp), so that errors are quadratic in the turn.
+//   that of the middle of the substep.
 //
 // The rest of the step follows in the same way with fresh collision. Substeps are cut at most
 // kMaxCuts times in a step; the last takes all that remains.
+//
+// Rows freeze the geometry. Frozen at the start of a substep in which bodies turn by some angle,
+// lever arms and normals are wrong by that angle; frozen where smooth motion brings the bodies in
+// the middle of the substep, the errors before and after the middle cancel, and what remains is
+// quadratic in the angle. Gaps are those at the start all the same: what the smooth motion closes
+// up to the middle is given back.
 
 #pragma once
 
 #include <vector>
 
-#include "dashpot/impacts/geom_pair.hpp"
+#include "dashpot/islands/group_material.hpp"
 #include "dashpot/rows/memory.hpp"
+#include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_clock.hpp"
+#include "dashpot/rows/step_view.hpp"
 
-struct mjModel_;
 struct mjData_;
 
 namespace dashpot {
@@ -49,5 +55,19 @@ Substep substep_before_impact(const mjModel_* model, const mjData_* data, const 
 
 // Takes out the contacts of some sorted pairs.
 void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts);
+
+// Replaces the gaps of contacts and the positions of constraints, whose `rows` were found in the
+// middle of a substep of `length` (s), by those at its start, where `start_constraints` were found:
+// what the smooth motion in `data` closes up to the middle is given back.
+void give_back_way(const Rows& rows, const RowData& data, double length,
+                   const std::vector<ConstraintInput>& start_constraints,
+                   std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+
+// A rigid contact of the sorted pairs under `impact` becomes a spring whose contact time is about a
+// substep of `length` (s), so that the substep resolves it; one that is compressed keeps its
+// spring. What rigid means is thus the limit of ever stiffer springs with the same damping ratio.
+void give_rigid_impacts_springs(const Memory& memory, const std::vector<GeomPair>& impact,
+                                const std::vector<ContactInput>& contacts, const Rows& rows,
+                                double length, std::vector<GroupMaterial>& materials);
 
 }  // namespace dashpot

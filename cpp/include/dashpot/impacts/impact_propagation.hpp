@@ -18,11 +18,7 @@
 #include "dashpot/detect/geometry_host.hpp"
 #include "dashpot/detect/narrowing.hpp"
 #include "dashpot/detect/reach.hpp"
-#include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/rows/rows.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 

@@ -23,7 +23,7 @@
 // it, by at most kSmooth of it.
 //
 // All this goes by the motion beside the translations that the trees have in common, whose momentum
-// nothing of it changes (common_translation.hpp): `inside`.
+// nothing of it changes (CommonTranslations): `inside`.
 //
 // Springs, weights and servos alone need no such s: at turning points energies determine none.
 // Where they bring most of the Verlet corrector, and are restoring,
@@ -37,9 +37,50 @@
 #include <array>
 #include <vector>
 
-#include "dashpot/integrate/common_translation.hpp"
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
 
 namespace dashpot {
+
+// Translations that trees which equalities couple have in common: what nothing holds, as a linkage
+// in space, goes in three directions, one on a carriage along its rail, one on the ground in none.
+//
+// A translation turns no row, and what the rows of the trees exchange does not change its momentum.
+// So how fast a linkage turns, and what its energy has to be made up for, is a matter of the motion
+// beside it; all the same whether its carriage stands or goes at 5 m/s.
+inline constexpr int kDirections = 3;
+
+class CommonTranslations {
+ public:
+  // Of trees coupled by equality rows, that have one first tree (find_coupled_trees).
+  void find(const mjModel_* model, const mjData_* d, const Rows& rows, const Trees& trees,
+            const std::vector<int>& first_tree);
+  // How many directions the trees of a first one have in common.
+  int count(int first) const { return count_[first]; }
+  // Whether any trees have the one of this number.
+  bool any(int direction) const { return any_[direction]; }
+  // The motion of all trees at 1 m/s along that direction of theirs, by motion coordinate; 0 where
+  // they have none.
+  const std::vector<double>& motion(int direction) const { return motion_[direction]; }
+
+ private:
+  // What the first tree could do alone: unit vectors of the world; count -1 where nothing asks.
+  struct Candidates {
+    int count = -1;
+    std::array<double, 3 * kDirections> direction{};
+  };
+  void find_common(int direction, const mjModel_* model, const mjData_* d, const Rows& rows,
+                   const Trees& trees, const std::vector<int>& first_tree);
+
+  std::vector<int> count_;              // by first tree
+  std::vector<Candidates> candidates_;  // by the same
+  std::vector<char> is_common_;         // by the same, of one direction
+  std::array<bool, kDirections> any_{};
+  std::array<std::vector<double>, kDirections> motion_;
+};
 
 // Of a translation: the mass that goes along (kg), and the momentum (kg m/s) that is in v and in k;
 // no mass where there is no such translation.
@@ -95,5 +136,9 @@ struct CoupledEnergy {
 
 // Of those without a scale that drives change, gives these up; whether there are any.
 bool give_up_drives(std::vector<CoupledEnergy>& all);
+
+// Finds for every tree the first one that equalities couple it to, -1 if none do: what they couple
+// exchanges energy through them, and is conserved only of all together.
+void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tree);
 
 }  // namespace dashpot

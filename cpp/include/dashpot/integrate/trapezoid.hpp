@@ -39,7 +39,7 @@
 //
 // s is 1 of trees that no row with a position held in the step, and where springs, weights and
 // servos bring a' - a; elsewhere 1 to first order in H, and such that energy is conserved
-// (coupled_energy.hpp); trees that equalities couple share it (coupled_trees.hpp). Where none is
+// (coupled_energy.hpp); trees that equalities couple share it (coupled_energy.hpp). Where none is
 // found, or equalities would turn too far even in a substep (turning_substeps.hpp), frozen
 // geometry stays: the Verlet corrector is left out, they do not turn in that step, and the work of
 // those that did is booked as dissipation.
@@ -48,11 +48,9 @@
 
 #include <vector>
 
-#include "dashpot/integrate/common_translation.hpp"
 #include "dashpot/integrate/coupled_energy.hpp"
 #include "dashpot/integrate/drive_changes.hpp"
 #include "dashpot/integrate/tree_motion.hpp"
-#include "dashpot/rows/energy_ledger.hpp"
 #include "dashpot/rows/holding_rows.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
@@ -156,7 +154,7 @@ class Trapezoid {
                  HeldMotion& now);
 
   const mjModel_* model_;
-  std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where it has no second halves
+  std::vector<int> first_;  // by tree, see coupled_energy.hpp; -1 where it has no second halves
   HoldingRows holding_rows_;
   CommonTranslations translations_;
   DriveChanges drives_;

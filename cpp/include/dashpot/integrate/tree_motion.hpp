@@ -18,9 +18,6 @@
 #include "dashpot/rows/trees.hpp"
 #include "dashpot/threads/team.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot {
 
 // What rows did to a tree in a step.

@@ -34,9 +34,7 @@
 
 #include "dashpot/integrate/tree_motion.hpp"
 #include "dashpot/rows/row_data.hpp"
-#include "dashpot/rows/step_clock.hpp"
-
-struct mjModel_;
+#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 

@@ -24,7 +24,7 @@ struct GroupMaterial {
   double normalised_damping = 0.0;    // delta, 1/s
   double own_damping = 0.0;           // the same without what presses it between others, 1/s
   double load = 0.0;                  // A F, m/s^2, that the model's own solref is read at
-  bool is_clamped = false;            // of a body between others (clamped_bodies.hpp)
+  bool is_clamped = false;            // of a body between others (solref_load.hpp)
 
   // Its stiffness is in SI units, which micro-steps have to resolve as they are; that of all others
   // goes by what they resolve.

@@ -72,7 +72,7 @@ bool stays_apart(const Rows& rows, const Island& island, double time, const RowD
 struct MicrostepDemand {
   const std::vector<GroupMaterial>& materials;         // per group
   const std::vector<DeflectionTime>& deflection_time;  // per group
-  const std::vector<char>& stays_open;                 // per group (inactive_contacts.hpp)
+  const std::vector<char>& stays_open;                 // per group (island_hits.hpp)
   const RowData& data;                                 // which groups are hit
   double part, step;  // s, what is planned, of a step of what length
   const Options& options;

@@ -28,33 +28,15 @@
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 
-struct mjModel_;
-
 namespace dashpot {
 
-// Keeps its arrays from step to step.
-class ModalDamping {
- public:
-  // Fills RowGroup::pair_inverse_mass and first_of_pair of contacts that are on no solref, and
-  // RowGroup::pressed of those whose material gives a damping ratio (rigid ones: a restitution),
-  // for a step of `length` (s) from the velocities in `data`.
-  void find(const mjModel_* model, const std::vector<GroupMaterial>& materials,
-            const std::vector<ContactInput>& contacts, const Trees& trees,
-            const std::vector<char>& stays_open, const RowData& data, double length, Rows& rows);
-
-  // By group: x of the contacts of a pair, any where none is pressed with others.
-  const std::vector<double>& compressions() const { return compression_; }
-
- private:
-  void find_compressions(const Rows& rows, const std::vector<ContactInput>& contacts,
-                         const GroupMaterial& given, size_t first, size_t last, const RowData& data,
-                         double length);
-  double square_frequency(const Rows& rows, const Trees& trees, size_t first, size_t last,
-                          bool rigid);
-
-  std::vector<double> approach_;     // of the contacts of two bodies
-  std::vector<double> compression_;  // by group
-  AlignedDoubles force_, response_;
-};
+// Fills RowGroup::pair_inverse_mass and first_of_pair of contacts that are on no solref, and
+// RowGroup::pressed of those whose material gives a damping ratio (rigid ones: a restitution), for
+// a step of `length` (s) from the velocities in `data`. `compression`, by group: x of the contacts
+// of a pair, any where none is pressed with others.
+void damp_modes(const mjModel_* model, const std::vector<GroupMaterial>& materials,
+                const std::vector<ContactInput>& contacts, const Trees& trees,
+                const std::vector<char>& stays_open, const RowData& data, double length, Rows& rows,
+                std::vector<double>& compression);
 
 }  // namespace dashpot

@@ -1,5 +1,5 @@
 // The load at which a model's own solref is read (solref.hpp): one spring and damper are right for
-// one load.
+// one load; and its damper where a body is pressed between others.
 //
 // A new contact has that of its lighter part's weight. Once it has been still for longer than hits
 // last, its load L (m/s^2, A F) follows the force F that it bears,
@@ -20,7 +20,7 @@
 //     k = (load(x_1) - load(x_0)) (x_1 - x_0) / (x_1 - x_0)^2 ,
 //
 // What it takes on the way out it gives back on the way in. Where steps do not resolve how it grows
-// stiffer, it gives back no more than it took (rows/spring_places.hpp). A limit may open within the
+// stiffer, it gives back no more than it took (rows/recall.cpp). A limit may open within the
 // step, and metres and radians of a weld have no potential together: these are no softer than what
 // gives back all that is stored. One that grows stiffer by less than MuJoCo's default does is even:
 // it has the impedance of its full width.
@@ -40,5 +40,23 @@ namespace dashpot {
 // of the model.
 bool read_solref_at_load(const StepView& step, const AlignedDoubles& velocity, Rows& rows,
                          std::vector<GroupMaterial>& materials);
+
+// What a model's own solref means where a body is pressed between others.
+//
+// A motion of the mass M that loads one of MuJoCo's rows (solref.hpp) has, with the inertia 1/R
+// that the row adds, the damping ratio b / (2 sqrt(d k (1 + M R))). A spring kappa = d k / R, which
+// leaves that inertia out, gives it the same ratio with the damper
+//
+//     b / sqrt(R (R + 1/M)) ,
+//
+// which for a body alone, 1/M = A, is delta of solref.hpp, and for a heavy motion b / R, MuJoCo's
+// own. How heavy the motion is, a contact's own inverse mass w says, the sum of what either side
+// adds, unless a body is pressed between others, as in a gripper: of what presses it, or presses it
+// on against something else, the body itself is no part. Such a side adds nothing to 1/M.
+//
+// Sets the damping of contacts of bodies that are pressed between others and follow the model's own
+// solref.
+void damp_clamped_bodies(const mjModel_* model, const std::vector<ContactInput>& contacts,
+                         const Rows& rows, std::vector<GroupMaterial>& materials);
 
 }  // namespace dashpot

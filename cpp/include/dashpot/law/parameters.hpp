@@ -6,10 +6,14 @@
 #include <utility>
 #include <vector>
 
-#include "dashpot/law/law.hpp"
 #include "dashpot/law/material.hpp"
 
 namespace dashpot {
+
+enum class Law {
+  kKelvinVoigt,  // kelvin_voigt.hpp and friction.hpp, in micro-steps
+  kComFree       // comfree.hpp, one update per step
+};
 
 // What a step does where geoms could pass through or deep into each other: nothing, or end a part
 // of the step at the impact (impact.hpp).

@@ -15,20 +15,10 @@
 #include "dashpot/rows/trees.hpp"
 #include "dashpot/threads/team.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 // Whether D comes from derivatives.
 bool takes_derivatives(const mjModel_* m);
-// Otherwise: the weight of joint damping in D.
-double joint_damping_weight(const mjModel_* m);
-// The derivative of the damping of a joint at `velocity`, and of the actuator that lends it
-// damping, N s/m or N m s/rad.
-double joint_damping(const mjModel_* m, int dof, double velocity);
-// Derivative of a damping force (c + c_1 |v| + c_2 v^2) v at v = `velocity`.
-double damping_derivative(double damping, const double* high_order, double velocity);
 
 // u' D v of vectors by degree of freedom (nv) over those of a tree; joint damping is that of the
 // step's start, which find_effective_inertia has found.
@@ -38,12 +28,6 @@ double damping_form(const mjModel_* m, const mjData_* d, const Trees& trees, con
 // The same D of one degree of freedom.
 double damping_of(const mjModel_* m, const mjData_* d, const Trees& trees, int dof);
 
-// Adds D v (nv) of a D that comes from derivatives.
-void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
-
-// The most that actuators take of a degree of freedom's velocity, of an integrator that treats them
-// explicitly: the sum of the sizes of their derivatives in its row, N s/m or N m s/rad.
-double actuator_damping(const mjModel_* m, const mjData_* d, int dof);
 // Adds D v of the damping of actuators, of an integrator that treats it explicitly, for the degrees
 // of freedom where it takes more than half of their velocity in a step.
 void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);

@@ -16,9 +16,6 @@
 #include "dashpot/model/state.hpp"
 #include "dashpot/rows/free_body.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 class ElasticForces {

@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "dashpot/law/law.hpp"
 #include "dashpot/law/parameters.hpp"
 
 struct mjModel_;

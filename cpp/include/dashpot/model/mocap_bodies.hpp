@@ -30,10 +30,6 @@ bool is_held_by_mocap(const mjModel_* m, int equality);
 // fixed to it; and whether any active one is.
 bool holds(const mjModel_* m, int equality, int mocap);
 bool holds_anything(const mjModel_* m, const mjData_* d, int mocap);
-// Position (m) and quaternion that a mocap body with the pose `pose`, which the kinematics in `d`
-// are of, would need for the first of its active connects and welds to be met; `pose` without any.
-std::array<double, 7> pose_where_met(const mjModel_* m, const mjData_* d, int mocap,
-                                     const std::array<double, 7>& pose);
 
 // Where driven bodies (driven_bodies) are put during a step, whose end leaves them where users
 // told them to be: mocap bodies in mjData, those that edits of the model move in the model.

@@ -33,9 +33,6 @@
 #include "dashpot/model/mocap_bodies.hpp"
 #include "dashpot/rows/memory.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 struct MocapBody {

@@ -10,9 +10,6 @@
 #include "dashpot/rows/free_body.hpp"
 #include "dashpot/rows/trees.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 const double* position(const mjData_* d);
@@ -45,7 +42,6 @@ double* memory(const mjModel_* m, mjData_* d, int size);
 // A step changes options and detection distances of its model for a while (Substeps and
 // detect/reach.hpp). A view has these of its own and shares the rest, meshes above all, which no
 // step writes to: views of one model step side by side.
-
 class ModelView {
  public:
   // Of the model as it is now; `model` must outlive the view, and what is shared must not change

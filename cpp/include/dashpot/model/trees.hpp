@@ -26,7 +26,5 @@ Trees make_trees(const mjModel_* m);
 // joined to one in the model, so that a row has at most two. Their number stays; the surplus ones
 // are empty and last. They never sleep. Changes nothing else that MuJoCo computes.
 void join_coupled_trees(mjModel_* m);
-// Whether a tree of the model is several that were joined.
-bool is_joined(const mjModel_* m, int tree);
 
 }  // namespace dashpot::host

@@ -8,7 +8,6 @@
 #include <array>
 #include <vector>
 
-#include "dashpot/rows/energy_ledger.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"

@@ -32,10 +32,12 @@ enum class Frozen {
   kAhead      // where the bodies are after `ahead`, see detect/turning.hpp
 };
 
+using GeomPair = std::array<int, 2>;  // ids; -1 - id for a flex
+
 // One contact as detection reports it, with its material resolved.
 struct ContactInput {
-  int source = 0;                   // index in the list of detected contacts
-  std::array<int, 2> geom{};        // ids; -1 - id for a flex
+  int source = 0;  // index in the list of detected contacts
+  GeomPair geom{};
   std::array<int, 2> tree{-1, -1};  // trees of the two bodies, -1 for static ones
   // Geoms whose contacts with geom 1 at an internal edge are ghosts of this one, else -1.
   std::array<int, 3> ghosts{-1, -1, -1};
@@ -69,10 +71,15 @@ struct ContactInput {
   std::array<double, 9> rotation{};
 
   bool is_at_internal_edge() const { return ghosts[0] >= 0; }
-  bool is_of_pair(const std::array<int, 2>& of) const {
-    return geom[0] == of[0] && geom[1] == of[1];
-  }
+  bool is_of_pair(const GeomPair& of) const { return geom == of; }
   bool is_of_flex() const { return geom[0] < 0 || geom[1] < 0; }
+  // Where it acts on the geom of a side. In the middle between two bodies apart friction would have
+  // another arm than where they meet, and so would the two bodies' angular momenta.
+  std::array<double, 3> acting_point(int side) const {
+    std::array<double, 3> point = position;
+    for (int i = 0; i < 3; ++i) point[i] += (side ? 0.5 : -0.5) * apart[i];
+    return point;
+  }
 };
 
 // A vector (world) along the normal and the tangents of a contact.

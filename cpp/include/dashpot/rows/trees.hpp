@@ -25,14 +25,20 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <memory>
+#include <stdexcept>
 #include <vector>
 
 #include "dashpot/lanes/aligned.hpp"
 #include "dashpot/rows/sparse_inertia.hpp"
 
 namespace dashpot {
+
+// Numbers beyond what MuJoCo itself calls diverged, or NaN, named by the tree or degree of freedom.
+// Data are as they were before the step.
+struct DivergenceError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
 
 inline constexpr int kBodyCoordinates = 8;  // of a free body
 inline constexpr int kGroundCoordinates = 4 * kBodyCoordinates;

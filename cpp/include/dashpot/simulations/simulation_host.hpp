@@ -3,12 +3,11 @@
 
 #pragma once
 
-#include <memory>
+#include <optional>
 
 #include "dashpot/law/parameters.hpp"
-
-struct mjModel_;
-struct mjData_;
+#include "dashpot/model/state.hpp"
+#include "dashpot/step/engine.hpp"
 
 namespace dashpot {
 
@@ -31,9 +30,6 @@ class Simulation {
   // Of a view of `model`, which must outlive it. Steps with dashpot's Stepper, or with mj_step
   // where `parameters` is null.
   Simulation(const mjModel_* model, const Parameters* parameters);
-  ~Simulation();
-  Simulation(const Simulation&) = delete;
-  Simulation& operator=(const Simulation&) = delete;
 
   // Goes on with the values that the model, or another of its sizes, has now; vertices of meshes
   // stay those of the first.
@@ -71,8 +67,9 @@ class Simulation {
   // Calls a function of MuJoCo that may call back; throws as step() where that raises.
   void call(void (*function)(const mjModel_*, mjData_*));
 
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  host::ModelView model_;
+  host::OwnedData data_;
+  std::optional<Stepper> stepper_;
 };
 
 }  // namespace dashpot

@@ -70,11 +70,6 @@ struct ComFree {
 // m of a facet. Regularised as in MuJoCo, so that it is finite where `inverse_mass` is 0.
 double effective_mass(double impedance, double inverse_mass);
 
-// Forces of the `dim` rows of one contact or limit in overlap, for the predicted rates of its rows;
-// `friction` holds dim - 1 coefficients.
-void facet_forces(const ComFree& law, double mass, double gap, const double* predicted_rate,
-                  const double* friction, int dim, double step, double* force);
-
 // One update of all groups over a step (s). `gap` (m, rad), the error of an equality, and `mass`
 // have one entry per group.
 // Leaves in `data` the velocity at the end of the step, impulses, which groups touched, and the

@@ -13,7 +13,6 @@
 #include "dashpot/rows/trees.hpp"
 #include "dashpot/solve/contact_lanes.hpp"
 #include "dashpot/solve/jacobian_lanes.hpp"
-#include "dashpot/solve/lane_motion.hpp"
 
 namespace dashpot {
 

@@ -1,9 +1,0 @@
-#pragma once
-
-#include <array>
-
-namespace dashpot {
-
-using GeomPair = std::array<int, 2>;
-
-}  // namespace dashpot
