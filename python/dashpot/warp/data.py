@@ -65,6 +65,7 @@ class LawData:
             "rest": (nworld, nq),
             "qvel": (nworld, nv),
             "poses": (nworld, 7 * max(1, mjm.nmocap)),
+            "behind": (nworld, 12 * max(1, mjm.nmocap)),
             "start": (nworld, nv),
             "force": (nworld, nv),
             "a": (nworld, nv),
@@ -111,6 +112,7 @@ class LawData:
         self.middle = wp.zeros((nworld, nq), dtype=wp.float32)
         self.bias = wp.zeros((nworld, nv), dtype=wp.float32)
         self.mocap_told = wp.zeros((nworld, 7 * max(1, mjm.nmocap)), dtype=wp.float32)
+        self.mocap_behind = wp.zeros((nworld, 12 * max(1, mjm.nmocap)), dtype=wp.float32)
         self.mocap_motion = wp.zeros((nworld, max(1, mjm.nmocap)), dtype=wp.spatial_vector)
         # What `forward` would remember: nobody reads it.
         self.aside = make(Memory) if mjm.nmocap else self.memory

@@ -12,22 +12,6 @@ from dashpot.materials import Material
 __all__ = ["refuse"]
 
 
-def _mocap_is_held(model: Any) -> bool:
-    """Whether an equality of bodies or sites holds what is fixed to a mocap body."""
-    is_mocap = model.body_mocapid >= 0
-    for body in range(1, model.nbody):
-        if model.body_jntnum[body] == 0:
-            is_mocap[body] |= is_mocap[model.body_parentid[body]]
-    for i in range(model.neq):
-        if model.eq_type[i] not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
-            continue
-        for index in (model.eq_obj1id[i], model.eq_obj2id[i]):
-            is_site = model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
-            if is_mocap[model.site_bodyid[index] if is_site else index]:
-                return True
-    return False
-
-
 # Description and test of everything that a model may have and this engine has not.
 _MISSING: tuple[tuple[str, Callable[[Any], bool]], ...] = (
     ("flexes", lambda m: m.nflex > 0),
@@ -45,7 +29,6 @@ _MISSING: tuple[tuple[str, Callable[[Any], bool]], ...] = (
         lambda m: bool((m.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any()),
     ),
     ("gaps of geoms or pairs", lambda m: bool((m.geom_gap > 0).any() or (m.pair_gap > 0).any())),
-    ("equalities of mocap bodies", lambda m: _mocap_is_held(m)),
 )
 
 

@@ -100,7 +100,8 @@ class Memory:
     qpos: wp.array2d(dtype=wp.float32)  # at the end of the step
     qvel: wp.array2d(dtype=wp.float32)
     rest: wp.array2d(dtype=wp.float32)  # what positions lose to rounding
-    poses: wp.array2d(dtype=wp.float32)  # of mocap bodies, position and quaternion
+    poses: wp.array2d(dtype=wp.float32)  # told to mocap bodies, position and quaternion
+    behind: wp.array2d(dtype=wp.float32)  # how far they are from there, m, rad, and its rates
 
 
 @wp.struct
