@@ -26,7 +26,7 @@ from grasps import package_file
 from scene import Array
 
 FILE = ("mjlab", "asset_zoo/robots/unitree_g1/xmls/g1.xml")
-# Joints by the end of their names: inertia of the rotor at the joint (kg m^2), largest torque (N m).
+# Joints by the end of their names: inertia of the rotor (kg m^2), largest torque (N m).
 MOTORS = {
     "hip_pitch|hip_yaw|waist_yaw": (0.010178, 88.0),
     "hip_roll|knee": (0.025102, 139.0),
@@ -103,7 +103,7 @@ def first_differences(share: float, timestep: float) -> list[tuple[str, float]]:
     for data in states.values():
         data.qpos[:] = start
     states["single"].qpos[:] += 6e-8 * np.random.default_rng(1).normal(size=model.nq)
-    m, d, graph = worlds(model, start)
+    d, graph = worlds(model, start)
     worst: dict[str, float] = {}
     steps = round(0.1 / timestep)
     for target in targets(model, start, share, steps):
@@ -126,21 +126,21 @@ def first_differences(share: float, timestep: float) -> list[tuple[str, float]]:
     return list(worst.items())
 
 
-def worlds(model: mujoco.MjModel, start: Array) -> tuple[dw.Model, dw.Data, wp.Graph]:
-    """Return model and data of one world, and a step of it as a graph."""
+def worlds(model: mujoco.MjModel, start: Array) -> tuple[dw.Data, wp.Graph]:
+    """Return data of one world, and a step of it as a graph."""
     data = mujoco.MjData(model)
     data.qpos[:] = start
     m = dw.put_model(model)
     d = dw.put_data(model, data, nconmax=96)
     with wp.ScopedCapture() as capture:
         dw.step(m, d)
-    return m, d, capture.graph
+    return d, capture.graph
 
 
 def gained(share: float, timestep: float, steps: int = 1000) -> tuple[float, float, bool]:
     """Energy beyond what was given, of its range; least height of the pelvis; whether all fit."""
     model, start = g1(timestep)
-    _, d, graph = worlds(model, start)
+    d, graph = worlds(model, start)
     data = mujoco.MjData(model)
 
     def energy() -> float:

@@ -250,6 +250,7 @@ def remember(
     memory.force[world, g] = wp.where(pressed, -forces[0], wp.float64(0.0))
     memory.slack[world, g] = wp.where(pressed, wp.max(0.0, -rows.offset[world, g]), 0.0)
     if kind != int(CONTACT):
+        memory.rate[world, g] = wp.vec3(rate[0] - rows.drive[world, 0, g], 0.0, 0.0)
         return
     frame = contact_frame[rows.source[world, g]]
     memory.normal[world, g] = axis_of(frame, 0)

@@ -12,7 +12,7 @@ as in ``cpp/include/dashpot/model/mocap_motion.hpp``: with x its offset from the
 import warp as wp
 
 from dashpot.warp.memory import axis_of
-from dashpot.warp.state import BILATERAL, CONTACT, Memory, Rows, Work
+from dashpot.warp.state import BILATERAL, CONTACT, OF_SITES, Memory, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
 
@@ -20,7 +20,6 @@ FARTHEST = 0.5  # m in a step; what goes farther jumps
 MOST_TURN = 1.0  # rad in a step
 ARRIVED = 1.0e-9  # m or rad, m/s or rad/s
 WELD = 1  # mjEQ_WELD; a connect is 0
-OF_SITES = 6  # mjOBJ_SITE
 
 vec12 = wp.types.vector(12, wp.float32)
 
@@ -279,15 +278,13 @@ def drive_equalities(
     eq_obj1id: wp.array(dtype=wp.int32),
     eq_obj2id: wp.array(dtype=wp.int32),
     eq_data: wp.array2d(dtype=vec12),
-    efc_id: wp.array2d(dtype=wp.int32),
     rows: Rows,
 ):
     """Add what mocap bodies move at to the rates of connects and welds; thread per group."""
     world, g = wp.tid()
     if g >= rows.count[world] or rows.kind[world, g] != int(BILATERAL):
         return
-    row = -1 - rows.source[world, g]
-    index = efc_id[world, row]
+    index = rows.key[world, g][1]
     if eq_type[index] > int(WELD):
         return
     data = eq_data[world % eq_data.shape[0], index]
@@ -321,10 +318,7 @@ def drive_equalities(
             quats[side, n] = turn[n]
         rates += sign * carried(world, body, point, body_mocap, mocap_body, xpos, motion)
         sign = -1.0
-    # Which row of it: those before have the same number.
-    i = int(0)
-    while row > i and efc_id[world, row - i - 1] == index:
-        i += 1
+    i = rows.key[world, g][2]
     if i < 3:
         add_drive(ahead, timestep, world, 0, g, wp.spatial_bottom(rates)[i], rows)
         return

@@ -221,7 +221,7 @@ def _sides(mjm: mujoco.MjModel) -> int:
         trees = set()
         first = mjm.tendon_adr[tendon]
         for wrap in range(first, first + mjm.tendon_num[tendon]):
-            kind, index = mjm.wrap_type[wrap], mjm.wrap_objid[wrap]
+            kind, index = mujoco.mjtWrap(mjm.wrap_type[wrap]), mjm.wrap_objid[wrap]
             if kind == mujoco.mjtWrap.mjWRAP_JOINT:
                 trees.add(mjm.dof_treeid[mjm.jnt_dofadr[index]])
             elif kind == mujoco.mjtWrap.mjWRAP_SITE:
@@ -308,7 +308,9 @@ def _held_by_mocap(mjm: mujoco.MjModel) -> NDArray[np.int32]:
             body = np.array([mjm.eq_obj1id[i], mjm.eq_obj2id[i]])
             if mjm.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
                 body = mjm.site_bodyid[body]
-            held[i] = np.where(mjm.body_treeid[body] < 0, mjm.body_mocapid[mjm.body_rootid[body]], -1)
+            held[i] = np.where(
+                mjm.body_treeid[body] < 0, mjm.body_mocapid[mjm.body_rootid[body]], -1
+            )
     return held
 
 

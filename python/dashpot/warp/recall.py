@@ -178,9 +178,19 @@ def recall(
                     if i > 0:
                         before = wp.dot(across, axis_of(frame, i))
                     rows.turning[world, i, g] = (rows.u[world, i, g] - before) / T
-                half = ahead * T
-                turning = rows.turning[world, 0, g]
-                rows.gap[world, g] = rows.gap[world, g] + 0.5 * half * half * turning
+    elif kind == int(BILATERAL) and old >= 0 and ahead > 0.0:
+        edited = int(0)
+        for side in range(rows.sides):
+            tree = rows.tree[world, side, g]
+            if tree >= 0:
+                edited = wp.max(edited, work.edited[world, tree])
+        if edited == 0:
+            # Mocap bodies change their velocities in jumps.
+            now = rows.u[world, 0, g] - rows.drive[world, 0, g]
+            rows.turning[world, 0, g] = (now - memory.rate[world, old][0]) / T
+    half = ahead * T
+    turning = rows.turning[world, 0, g]
+    rows.gap[world, g] = rows.gap[world, g] + 0.5 * half * half * turning
     gap = rows.gap[world, g]
     x = wp.float64(0.0)
     stiff = wp.float64(k)

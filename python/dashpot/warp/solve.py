@@ -125,7 +125,6 @@ def drive_rows(m: Model, d: Data, ahead: float) -> None:
                 law.mocap_motion,
                 *sites,
                 *equalities,
-                d.efc.id,
                 law.rows,
             ],
         )

@@ -220,7 +220,7 @@ def find_smooth_motion(m: Model, d: Data) -> None:
             outputs=[work.force],
         )
     trees = [m.tree_dofadr, m.tree_dofnum, own.tree_factor]
-    inertias = [m.M_rownnz, m.M_rowadr, m.M_colind, d.M, work]
+    inertias = [m.M_rownnz, m.M_rowadr, m.M_colind, d.M, m.dof_invweight0, work]
     wp.launch(inertia.factor, dim=(d.nworld, m.ntree), inputs=[is_fitted, *trees, *inertias])
     wp.launch(inertia.solve_smooth, dim=(d.nworld, m.ntree), inputs=[*trees, work])
     if own.has_joints and is_fitted:

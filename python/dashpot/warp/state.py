@@ -12,6 +12,8 @@ UNILATERAL = 1
 BILATERAL = 2
 SLIDER = 3
 
+OF_SITES = 6  # mjOBJ_SITE: an equality that joins sites, not bodies
+
 
 @wp.struct
 class Rows:
