@@ -84,9 +84,10 @@ def test_models_and_data_are_mujoco_warps():
 
 
 def test_engines_go_to_warp_with_their_materials():
-    engine = dashpot.Engine(model_of(mjcf(BODY)))
+    engine = dashpot.Engine(model_of(mjcf(BODY)), mocap_timeconst=0.1)
     engine.set_material("b", dashpot.Material(1e4))
     m, d = engine.to_warp(nworld=3)
+    assert m.dashpot.mocap_timeconst.numpy() == pytest.approx([0.1])
     assert d.nworld == 3
     assert m.dashpot.stiffness.numpy()[0, engine.geom_id("b")] == 1e4
 

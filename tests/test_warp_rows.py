@@ -194,6 +194,28 @@ def test_a_body_that_a_connect_holds_swings_as_near_to_the_converged_motion_as_i
     assert error < of_engine + 1e-5
 
 
+def test_a_slider_crank_loses_little_of_its_energy():
+    link = '<geom type="capsule" size=".02" contype="0" conaffinity="0" fromto="0 0 0 {} 0 0"/>'
+    xml = (
+        f'<mujoco>{OPTION}<worldbody><body pos="0 0 1"><joint axis="0 1 0"/>{link.format(0.2)}'
+        f'<body name="rod" pos="0.2 0 0"><joint axis="0 1 0"/>{link.format(0.5)}</body></body>'
+        '<body name="slider" pos="0.7 0 1"><joint type="slide" axis="1 0 0"/>'
+        '<geom type="box" size=".05 .05 .05" contype="0" conaffinity="0"/></body></worldbody>'
+        '<equality><connect body1="rod" body2="slider" anchor="0.5 0 0"/></equality></mujoco>'
+    )
+
+    def turn(_, data):
+        data.qvel[:] = [10, -14, 0]
+
+    model = model_of(xml)
+    worlds = Worlds(model, start=turn, nconmax=4)
+    before = energy(model, worlds.qpos, worlds.qvel)
+    kinetic = before - energy(model, worlds.qpos, 0 * worlds.qvel)
+    worlds.step(2500)
+    after = energy(model, worlds.positions(), worlds.qvel)
+    assert -0.06 * kinetic < after - before < 0.001 * kinetic
+
+
 def test_a_damper_on_what_is_light_where_others_give_way_does_not_overshoot():
     """1 g on a slide with a damper, 1 kg free on it: its velocity decays at 1e4 1/s."""
     slide = '<joint type="slide" axis="1 0 0"'
