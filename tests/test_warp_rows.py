@@ -213,7 +213,7 @@ def test_a_slider_crank_loses_little_of_its_energy():
     kinetic = before - energy(model, worlds.qpos, 0 * worlds.qvel)
     worlds.step(2500)
     after = energy(model, worlds.positions(), worlds.qvel)
-    assert abs(after - before) < 0.005 * kinetic
+    assert -0.06 * kinetic < after - before < 0.001 * kinetic
 
 
 def test_a_damper_on_what_is_light_where_others_give_way_does_not_overshoot():

@@ -28,7 +28,7 @@ def begin_anew(worlds):
     worlds.d.qpos.assign(worlds.model.qpos0[None].astype(np.float32))
     none = wp.zeros(1, dtype=wp.bool)
     state = worlds.d.dashpot
-    inputs = [none, False, worlds.m.nq, worlds.m.nv, state.memory, state.work]
+    inputs = [none, False, worlds.m.nq, state.memory, state.work]
     wp.launch(forget, dim=worlds.d.nworld, inputs=inputs)
 
 

@@ -78,7 +78,6 @@ class LawData:
             "rest": (nworld, nq),
             "qvel": (nworld, nv),
             "poses": (nworld, 7 * max(1, mjm.nmocap)),
-            "held": (nworld, nv),
             "behind": (nworld, 12 * max(1, mjm.nmocap)),
             "start": (nworld, nv),
             "force": (nworld, nv),
@@ -125,7 +124,6 @@ class LawData:
         self.contact_margin = wp.zeros(max(1, d.naconmax), dtype=wp.float32)
         self.middle = wp.zeros((nworld, nq), dtype=wp.float32)
         self.bias = wp.zeros((nworld, nv), dtype=wp.float32)
-        self.unheld = wp.zeros((nworld, nv), dtype=wp.float32)
         self.mocap_told = wp.zeros((nworld, 7 * max(1, mjm.nmocap)), dtype=wp.float32)
         self.mocap_behind = wp.zeros((nworld, 12 * max(1, mjm.nmocap)), dtype=wp.float32)
         self.mocap_motion = wp.zeros((nworld, max(1, mjm.nmocap)), dtype=wp.spatial_vector)
@@ -335,5 +333,5 @@ def reset_data(m: Model, d: Data, reset: wp.array | None = None) -> None:
     wp.launch(
         forget,
         dim=d.nworld,
-        inputs=[mask, reset is not None, m.nq, m.nv, d.dashpot.memory, d.dashpot.work],
+        inputs=[mask, reset is not None, m.nq, d.dashpot.memory, d.dashpot.work],
     )

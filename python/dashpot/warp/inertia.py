@@ -15,7 +15,7 @@ and none overshoots (theta <= 1).
 
 import warp as wp
 
-from dashpot.warp.state import BILATERAL, Memory, Rows, Work
+from dashpot.warp.state import Rows, Work
 
 wp.set_module_options({"enable_backward": False})
 
@@ -83,35 +83,6 @@ def exchange_bias(
     """Take the bias force of one velocity for that of another."""
     world, dof = wp.tid()
     force[world, dof] = force[world, dof] + before[world, dof] - after[world, dof]
-
-
-@wp.kernel
-def add_held(memory: Memory, work: Work):
-    """Let equalities push as they did in the last step; thread per dof."""
-    world, dof = wp.tid()
-    work.force[world, dof] = work.force[world, dof] + memory.held[world, dof]
-
-
-@wp.kernel
-def remember_held(
-    timestep: wp.array(dtype=wp.float32),
-    tree_dofadr: wp.array(dtype=wp.int32),
-    tree_dofnum: wp.array(dtype=wp.int32),
-    rows: Rows,
-    memory: Memory,
-    work: Work,
-):
-    """Mean forces of equalities over the step, by dof; thread per tree."""
-    world, tree = wp.tid()
-    first = tree_dofadr[tree]
-    for i in range(tree_dofnum[tree]):
-        push = float(0.0)
-        for member in range(work.first[world, tree], work.first[world, tree + 1]):
-            g = rows.members[world, member] / rows.sides
-            side = rows.members[world, member] % rows.sides
-            if rows.kind[world, g] == int(BILATERAL):
-                push += rows.J[world, side * rows.width + i, g] * rows.total[world, 0, g]
-        memory.held[world, first + i] = push / timestep[world % timestep.shape[0]]
 
 
 @wp.kernel

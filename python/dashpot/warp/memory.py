@@ -304,9 +304,7 @@ def remember_state(
 
 
 @wp.kernel
-def forget(
-    reset: wp.array(dtype=wp.bool), use_mask: bool, nq: int, nv: int, memory: Memory, work: Work
-):
+def forget(reset: wp.array(dtype=wp.bool), use_mask: bool, nq: int, memory: Memory, work: Work):
     """Clear the memory and the flags of worlds; thread per world."""
     world = wp.tid()
     if use_mask and not reset[world]:
@@ -318,5 +316,3 @@ def forget(
     work.clipped[world] = 0
     for i in range(nq):
         memory.rest[world, i] = 0.0
-    for i in range(nv):
-        memory.held[world, i] = 0.0

@@ -221,12 +221,6 @@ def respond(m: Model, d: Data) -> None:
 def remember(m: Model, d: Data) -> None:
     """Let springs follow the bodies, and keep them."""
     law = d.dashpot
-    if m.neq:
-        wp.launch(
-            inertia.remember_held,
-            dim=(d.nworld, m.ntree),
-            inputs=[m.opt.timestep, *trees_of(m), law.rows, law.memory, law.work],
-        )
     contacts = [d.geom_xmat, d.contact.pos, d.contact.frame]
     wp.launch(
         memory.remember,

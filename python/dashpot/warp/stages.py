@@ -172,8 +172,7 @@ def _sense(m: Model, d: Data) -> None:
 
 def find_smooth_motion(m: Model, d: Data) -> None:
     """Smooth forces and accelerations, with H = M + T D."""
-    law, own = d.dashpot, m.dashpot
-    work = law.work
+    work, own = d.dashpot.work, m.dashpot
     mjw.fwd_velocity(m, d)
     if not m.opt.disableflags & DisableBit.ACTUATION and m.callback.control:
         _sense(m, d)
@@ -225,12 +224,6 @@ def find_smooth_motion(m: Model, d: Data) -> None:
     wp.launch(inertia.factor, dim=(d.nworld, m.ntree), inputs=[is_fitted, *trees, *inertias])
     wp.launch(inertia.solve_smooth, dim=(d.nworld, m.ntree), inputs=[*trees, work])
     if own.has_joints and is_fitted:
-        if m.neq:
-            # The velocity of the middle is that to which equalities lead, too.
-            wp.copy(law.unheld, work.force)
-            wp.launch(inertia.add_held, dim=(d.nworld, m.nv), inputs=[law.memory, work])
-            wp.launch(inertia.solve_smooth, dim=(d.nworld, m.ntree), inputs=[*trees, work])
-            wp.copy(work.force, law.unheld)
         _take_bias_of_middle(m, d)
         wp.launch(inertia.solve_smooth, dim=(d.nworld, m.ntree), inputs=[*trees, work])
 

@@ -103,7 +103,6 @@ class Memory:
     qvel: wp.array2d(dtype=wp.float32)
     rest: wp.array2d(dtype=wp.float32)  # what positions lose to rounding
     poses: wp.array2d(dtype=wp.float32)  # told to mocap bodies, position and quaternion
-    held: wp.array2d(dtype=wp.float32)  # mean forces of equalities, N or N m
     behind: wp.array2d(dtype=wp.float32)  # how far they are from there, m, rad, and its rates
 
 
