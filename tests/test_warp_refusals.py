@@ -15,12 +15,19 @@ FLEX = (
     '<mujoco><worldbody><flexcomp name="f" type="grid" count="3 3 1" spacing=".1 .1 .1" dim="2" '
     'mass="1" radius="0.01"/></worldbody></mujoco>'
 )
+ROPE = mjcf(
+    '<body mocap="true"><site name="a"/></body>'
+    + BODY.replace("</body>", '<site name="b"/></body>'),
+    rest='<tendon><spatial limited="true" range="0 2"><site site="a"/><site site="b"/></spatial>'
+    "</tendon>",
+)
 
 
 @pytest.mark.parametrize(
     ("xml", "name"),
     [
         (FLEX, "flexes"),
+        (ROPE, "tendons that go to mocap bodies"),
         (mjcf(BODY, option='integrator="RK4"'), "integrator 'RK4'"),
         (mjcf(BODY, option='integrator="discrete"'), "integrator 'discrete'"),
         (mjcf(BODY, option='><flag sleep="enable"/></option><option'), "the flag 'sleep'"),
@@ -60,7 +67,6 @@ def test_options_that_cannot_be_are_refused(options, error, name):
     [
         ("impact", "cut"),
         ("max_microsteps", 128),
-        ("mocap_timeconst", 0.0),
         ("rules", dashpot.CombinationRules(friction="min")),
     ],
 )
@@ -78,9 +84,10 @@ def test_models_and_data_are_mujoco_warps():
 
 
 def test_engines_go_to_warp_with_their_materials():
-    engine = dashpot.Engine(model_of(mjcf(BODY)))
+    engine = dashpot.Engine(model_of(mjcf(BODY)), mocap_timeconst=0.1)
     engine.set_material("b", dashpot.Material(1e4))
     m, d = engine.to_warp(nworld=3)
+    assert m.dashpot.mocap_timeconst.numpy() == pytest.approx([0.1])
     assert d.nworld == 3
     assert m.dashpot.stiffness.numpy()[0, engine.geom_id("b")] == 1e4
 

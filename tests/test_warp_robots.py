@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import dashpot
+import unitree_g1
 from warp_worlds import Worlds, energy
 
 
@@ -106,3 +107,13 @@ def test_a_robot_is_as_near_to_the_converged_motion_as_in_the_engine(name):
     gained = np.diff(held) - np.diff(given)
     assert np.max(gained) < 1e-3 * np.ptp(held)
     assert not worlds.d.dashpot.overflow.numpy().any()
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mjlab") is None, reason="mjlab is not installed")
+def test_a_g1_on_servos_is_nearer_to_the_converged_motion_than_in_the_engine():
+    found = dict(unitree_g1.first_differences(share=0.05, timestep=0.002))
+    assert found["warp to converged"] < found["engine to converged"]
+    more, height, fits = unitree_g1.gained(share=0.05, timestep=0.002)
+    assert more < 1e-3
+    assert height > 0.05  # it lies on the floor
+    assert fits

@@ -174,39 +174,79 @@ def test_a_models_own_solref_gives_way_as_in_the_engine():
     assert worst < 2e-6
 
 
-def test_a_belt_that_users_move_carries_what_lies_on_it():
-    """A mocap plate that accelerates at 2 m/s^2, less than friction bears, and then stops."""
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.004])
+def test_a_body_that_a_connect_holds_swings_as_near_to_the_converged_motion_as_in_the_engine(
+    timestep,
+):
     xml = (
-        f'<mujoco>{OPTION}<worldbody><body name="plate" mocap="true" pos="0 0 -0.05">'
-        '<geom type="box" size="2 0.5 0.05"/></body><body pos="0 0 0.05"><freejoint/>'
-        '<geom type="box" size="0.05 0.05 0.05" mass="1"/></body></worldbody></mujoco>'
+        f'<mujoco>{OPTION}<worldbody><body name="b" pos="0 0 1"><freejoint/>'
+        '<geom type="box" size="0.1 0.05 0.02" mass="1"/></body></worldbody>'
+        '<equality><connect body1="b" body2="world" anchor="0.1 0.02 0"/></equality></mujoco>'
     )
-    timestep = 0.002
-    worlds = Worlds(model_of(xml, timestep), nconmax=12)
-    place = np.array([[[0.0, 0.0, -0.05]]], dtype=np.float32)
-    worlds.step(100)
-    for i in range(1, 251):
-        place[0, 0, 0] = (i * timestep) ** 2
-        worlds.d.mocap_pos.assign(place)
-        worlds.step()
-        np.testing.assert_array_equal(worlds.d.mocap_pos.numpy(), place)
-    # It sticks: the box has the way of the plate, but for the give of friction's springs.
-    assert worlds.qpos[0] == pytest.approx(place[0, 0, 0], abs=2e-4)
-    assert worlds.qvel[0] == pytest.approx(1.0, abs=5e-3)
+    worlds = Worlds(model_of(xml, timestep), nconmax=4)
+    engine, data = engine_of(worlds.model)
+    fine, exact = engine_of(model_of(xml, 1.25e-4))
+    steps = round(0.5 / timestep)
+    worlds.step(steps)
+    engine.step(data, steps)
+    fine.step(exact, round(0.5 / 1.25e-4))
+    error, of_engine = (np.abs(q - exact.qpos).max() for q in (worlds.positions(), data.qpos))
+    assert error < of_engine + 1e-5
 
 
-def test_a_wall_that_users_move_pushes_a_ball_without_lag():
+def test_a_slider_crank_loses_little_of_its_energy():
+    link = '<geom type="capsule" size=".02" contype="0" conaffinity="0" fromto="0 0 0 {} 0 0"/>'
     xml = (
-        f'<mujoco>{OPTION}<worldbody><geom type="plane" size="5 5 .1"/>'
-        '<body name="wall" mocap="true" pos="-0.2 0 0.1"><geom type="box" size="0.05 0.5 0.1"/>'
-        '</body><body pos="0 0 0.1"><freejoint/><geom type="sphere" size="0.1" mass="1"/></body>'
-        "</worldbody></mujoco>"
+        f'<mujoco>{OPTION}<worldbody><body pos="0 0 1"><joint axis="0 1 0"/>{link.format(0.2)}'
+        f'<body name="rod" pos="0.2 0 0"><joint axis="0 1 0"/>{link.format(0.5)}</body></body>'
+        '<body name="slider" pos="0.7 0 1"><joint type="slide" axis="1 0 0"/>'
+        '<geom type="box" size=".05 .05 .05" contype="0" conaffinity="0"/></body></worldbody>'
+        '<equality><connect body1="rod" body2="slider" anchor="0.5 0 0"/></equality></mujoco>'
     )
-    worlds = Worlds(model_of(xml), nconmax=8)
-    place = np.array([[[-0.2, 0.0, 0.1]]], dtype=np.float32)
-    for i in range(1, 501):
-        place[0, 0, 0] = -0.2 + i * 0.002 * 0.5
-        worlds.d.mocap_pos.assign(place)
-        worlds.step()
-        assert worlds.qpos[0] > place[0, 0, 0] + 0.15 - 1e-3  # never deep in the wall
-    assert worlds.qvel[0] >= 0.5 - 1e-2
+
+    def turn(_, data):
+        data.qvel[:] = [10, -14, 0]
+
+    model = model_of(xml)
+    worlds = Worlds(model, start=turn, nconmax=4)
+    before = energy(model, worlds.qpos, worlds.qvel)
+    kinetic = before - energy(model, worlds.qpos, 0 * worlds.qvel)
+    worlds.step(2500)
+    after = energy(model, worlds.positions(), worlds.qvel)
+    assert -0.06 * kinetic < after - before < 0.001 * kinetic
+
+
+def test_a_damper_on_what_is_light_where_others_give_way_does_not_overshoot():
+    """1 g on a slide with a damper, 1 kg free on it: its velocity decays at 1e4 1/s."""
+    slide = '<joint type="slide" axis="1 0 0"'
+    xml = (
+        '<mujoco><option gravity="0 0 0"/><worldbody>'
+        f'<body>{slide} damping="10"/><geom size="0.01" mass="0.001"/>'
+        f'<body>{slide}/><geom size="0.01" mass="1"/></body></body></worldbody></mujoco>'
+    )
+
+    def start(_, data):
+        data.qvel[:] = [1, -1]
+
+    worlds = Worlds(model_of(xml, 0.01), start=start, nconmax=2)
+    worlds.step()
+    assert abs(worlds.qvel[0]) < 0.01
+    assert worlds.qvel.sum() == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_tendon_over_a_ball_pulls_three_bodies():
+    """Inner forces leave their momentum alone."""
+    body = '<body pos="{1}"><freejoint/><geom name="{0}" type="sphere" size=".1"/>{2}</body>'
+    xml = (
+        '<mujoco><option gravity="0 0 0"/><worldbody>'
+        + body.format("a", "-0.5 0 0", '<site name="a"/>')
+        + body.format("b", "0 0 0.05", '<site name="side" pos="0 0 0.3"/>')
+        + body.format("c", "0.5 0 0", '<site name="c"/>')
+        + '</worldbody><tendon><spatial limited="true" range="0 0.9"><site site="a"/>'
+        '<geom geom="b" sidesite="side"/><site site="c"/></spatial></tendon></mujoco>'
+    )
+    worlds = Worlds(model_of(xml), nconmax=4)
+    worlds.step(20)
+    velocity = worlds.qvel.reshape(3, 6)[:, :3]
+    assert velocity[1, 2] < -0.01
+    np.testing.assert_allclose(velocity.sum(axis=0), 0.0, atol=1e-6)

@@ -484,7 +484,7 @@ class Engine(ReadableOptions):
         (4, 14)
         """
         warp: Any = importlib.import_module("dashpot.warp")
-        untaken = ("max_microsteps", "mocap_timeconst", "impact", "rules")
+        untaken = ("max_microsteps", "impact", "rules")
         for name, value in self._options.changed().items():
             if name in untaken:
                 raise NotImplementedError(f"dashpot.warp has no {name}; this engine has {value!r}")
@@ -496,6 +496,7 @@ class Engine(ReadableOptions):
                 "recovery_speed",
                 "comfree_stiffness",
                 "comfree_damping",
+                "mocap_timeconst",
             )
             if getattr(self, name) is not None
         }

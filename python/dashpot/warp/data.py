@@ -23,6 +23,19 @@ __all__ = ["Data", "LawData", "get_data_into", "make_data", "put_data", "reset_d
 MOST_BLOCKS = 64
 # Lanes of a block, at most: with 168 registers each a multiprocessor has room for 384.
 MOST_LANES = 256
+# Arrays of the model that springs of a solref go by.
+OF_MODEL = (
+    "geom_bodyid",
+    "site_bodyid",
+    "jnt_dofadr",
+    "eq_type",
+    "eq_objtype",
+    "eq_obj1id",
+    "eq_obj2id",
+    "body_invweight0",
+    "dof_invweight0",
+    "tendon_invweight0",
+)
 
 
 class LawData:
@@ -65,6 +78,7 @@ class LawData:
             "rest": (nworld, nq),
             "qvel": (nworld, nv),
             "poses": (nworld, 7 * max(1, mjm.nmocap)),
+            "behind": (nworld, 12 * max(1, mjm.nmocap)),
             "start": (nworld, nv),
             "force": (nworld, nv),
             "a": (nworld, nv),
@@ -111,6 +125,7 @@ class LawData:
         self.middle = wp.zeros((nworld, nq), dtype=wp.float32)
         self.bias = wp.zeros((nworld, nv), dtype=wp.float32)
         self.mocap_told = wp.zeros((nworld, 7 * max(1, mjm.nmocap)), dtype=wp.float32)
+        self.mocap_behind = wp.zeros((nworld, 12 * max(1, mjm.nmocap)), dtype=wp.float32)
         self.mocap_motion = wp.zeros((nworld, max(1, mjm.nmocap)), dtype=wp.spatial_vector)
         # What `forward` would remember: nobody reads it.
         self.aside = make(Memory) if mjm.nmocap else self.memory
@@ -156,6 +171,8 @@ class LawData:
                 setattr(pair, name, getattr(law, name))
             pair.contact_solref, pair.contact_solimp = d.contact.solref, d.contact.solimp
             pair.own_solref = law.own[0]
+            for name in OF_MODEL:
+                setattr(pair, name, getattr(m, name))
             pair.own0, pair.own1, pair.own2, pair.own3, pair.own4 = law.own[1:]
             pair.solref0, pair.solimp0 = m.eq_solref, m.eq_solimp
             pair.solref1, pair.solimp1 = m.dof_solref, m.dof_solimp

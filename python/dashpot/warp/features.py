@@ -6,24 +6,31 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from dashpot.materials import Material
 
 __all__ = ["refuse"]
 
 
-def _mocap_is_held(model: Any) -> bool:
-    """Whether an equality of bodies or sites holds what is fixed to a mocap body."""
-    is_mocap = model.body_mocapid >= 0
-    for body in range(1, model.nbody):
-        if model.body_jntnum[body] == 0:
-            is_mocap[body] |= is_mocap[model.body_parentid[body]]
+def _tendon_rows_at_mocap(model: Any) -> bool:
+    """Whether a tendon with rows of its own goes by what a mocap body takes along."""
+    has_rows = (model.tendon_limited > 0) | (model.tendon_frictionloss > 0)
     for i in range(model.neq):
-        if model.eq_type[i] not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
-            continue
-        for index in (model.eq_obj1id[i], model.eq_obj2id[i]):
-            is_site = model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
-            if is_mocap[model.site_bodyid[index] if is_site else index]:
+        if model.eq_type[i] == mujoco.mjtEq.mjEQ_TENDON:
+            pair = np.array([model.eq_obj1id[i], model.eq_obj2id[i]])
+            has_rows[pair[pair >= 0]] = True
+    for tendon in np.flatnonzero(has_rows):
+        first = model.tendon_adr[tendon]
+        for wrap in range(first, first + model.tendon_num[tendon]):
+            kind, index = mujoco.mjtWrap(model.wrap_type[wrap]), model.wrap_objid[wrap]
+            if kind == mujoco.mjtWrap.mjWRAP_SITE:
+                body = model.site_bodyid[index]
+            elif kind in (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER):
+                body = model.geom_bodyid[index]
+            else:
+                continue
+            if model.body_mocapid[model.body_rootid[body]] >= 0:
                 return True
     return False
 
@@ -45,7 +52,10 @@ _MISSING: tuple[tuple[str, Callable[[Any], bool]], ...] = (
         lambda m: bool((m.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any()),
     ),
     ("gaps of geoms or pairs", lambda m: bool((m.geom_gap > 0).any() or (m.pair_gap > 0).any())),
-    ("equalities of mocap bodies", lambda m: _mocap_is_held(m)),
+    (
+        "limits, equalities or dry friction of tendons that go to mocap bodies",
+        lambda m: _tendon_rows_at_mocap(m),
+    ),
 )
 
 

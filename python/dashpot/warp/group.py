@@ -36,13 +36,13 @@ def barrier():
 
 @wp.func
 def recovery_time(T: float) -> float:
-    """Within which an offset recovers (s)."""
+    """Within which unstressed penetration recovers (s)."""
     return wp.max(LEAST_RECOVERY, RECOVERY_STEPS * T)
 
 
 @wp.func
-def offset_rate(
-    offset: float,
+def unstressed_rate(
+    unstressed: float,
     noise: float,
     x: float,
     bearable: float,
@@ -50,12 +50,12 @@ def offset_rate(
     speed: float,
     both_ways: bool,
 ) -> float:
-    """How fast an offset beyond noise recovers (m/s)."""
-    beyond = wp.abs(offset) - noise
+    """How fast unstressed penetration beyond noise recovers (m/s)."""
+    beyond = wp.abs(unstressed) - noise
     if beyond <= 0.0 or x * x > bearable * bearable:
         return 0.0
     rate = wp.min(beyond / time, speed)
-    if offset > 0.0:
+    if unstressed > 0.0:
         return rate
     return wp.where(both_ways, -rate, 0.0)
 
@@ -197,9 +197,9 @@ def begin(
         return
     T = timestep[world % timestep.shape[0]]
     h = T / float(microsteps)
-    rows.surface[world, g] = offset_rate(
-        rows.offset[world, g],
-        rows.slack[world, g],
+    rows.surface[world, g] = unstressed_rate(
+        rows.unstressed[world, g],
+        rows.noise[world, g],
         rows.x[world, 0, g],
         rows.bearable[world, g],
         recovery_time(T),

@@ -7,8 +7,10 @@ drifts takes a share of it,
 
     H_ij = M_ij + T D_ij sqrt(theta_i theta_j),   theta_i = 1 / (1 - exp(-z_i)) - 1 / z_i ,
 
-with ``z_i = T D_ii / M_ii``. A damper alone then has its exponential decay at any step, dampers
-that a step resolves are of second order (theta near 1/2), and none overshoots (theta <= 1).
+with ``z_i = T D_ii w_i``, where w_i is the larger of ``1 / M_ii`` and of the inverse mass that the
+dof has at the model's reference positions, where others give way. A damper alone then has its
+exponential decay at any step, dampers that a step resolves are of second order (theta near 1/2),
+and none overshoots (theta <= 1).
 """
 
 import warp as wp
@@ -98,9 +100,9 @@ def advance_velocity(
 
 
 @wp.func
-def damped_share(damping: float, mass: float) -> float:
-    """Theta of a dof with T D and M, 1/2 to 1."""
-    z = damping / wp.max(mass, 1.0e-12)
+def damped_share(damping: float, mass: float, inverse: float) -> float:
+    """Theta of a dof with T D, M and its inverse mass where others give way, 1/2 to 1."""
+    z = damping * wp.max(inverse, 1.0 / wp.max(mass, 1.0e-12))
     if z < 0.1:
         return 0.5 + wp.max(z, 0.0) / 12.0
     return 1.0 / (1.0 - wp.exp(-z)) - 1.0 / z
@@ -116,6 +118,7 @@ def factor(
     M_rowadr: wp.array(dtype=wp.int32),
     M_colind: wp.array(dtype=wp.int32),
     M: wp.array2d(dtype=wp.float32),
+    dof_invweight0: wp.array2d(dtype=wp.float32),
     work: Work,
 ):
     """L of a tree, with shares of dampers where `fitted`; thread per tree."""
@@ -130,7 +133,8 @@ def factor(
         share[first + i] = 1.0
         if fitted:
             mass = M[world, last]
-            share[first + i] = wp.sqrt(damped_share(work.H[world, last] - mass, mass))
+            inverse = dof_invweight0[world % dof_invweight0.shape[0], first + i]
+            share[first + i] = wp.sqrt(damped_share(work.H[world, last] - mass, mass, inverse))
     for i in range(n):
         for j in range(i + 1):
             L[at + i * n + j] = 0.0

@@ -11,7 +11,7 @@ worlds ``world % k``.
 
 import warp as wp
 
-from dashpot.warp.state import CONTACT
+from dashpot.warp.state import CONTACT, OF_SITES
 
 wp.set_module_options({"enable_backward": False})
 
@@ -45,6 +45,17 @@ class Pair:
     own2: wp.array(dtype=wp.int32)
     own3: wp.array(dtype=wp.int32)
     own4: wp.array(dtype=wp.int32)
+    # Inverse masses by which MuJoCo scales them, and where they are found.
+    geom_bodyid: wp.array(dtype=wp.int32)
+    site_bodyid: wp.array(dtype=wp.int32)
+    jnt_dofadr: wp.array(dtype=wp.int32)
+    eq_type: wp.array(dtype=wp.int32)
+    eq_objtype: wp.array(dtype=wp.int32)
+    eq_obj1id: wp.array(dtype=wp.int32)
+    eq_obj2id: wp.array(dtype=wp.int32)
+    body_invweight0: wp.array2d(dtype=wp.vec2)
+    dof_invweight0: wp.array2d(dtype=wp.float32)
+    tendon_invweight0: wp.array2d(dtype=wp.float32)
     solref0: wp.array2d(dtype=wp.vec2)
     solref1: wp.array2d(dtype=wp.vec2)
     solref2: wp.array2d(dtype=wp.vec2)
@@ -253,3 +264,42 @@ def solref_rates(
     if own == 0:
         return wp.vec2(0.0, 0.0)
     return spring_of(solref, solimp, load)
+
+
+@wp.func
+def of_object(pair: Pair, world: int, kind: int, index: int, part: int) -> float:
+    """Inverse mass of a body (0 translation, 1 rotation), a joint or a tendon of an equality."""
+    if index < 0:
+        return 0.0
+    if kind < 2:
+        at = world % pair.body_invweight0.shape[0]
+        return pair.body_invweight0[at, index][part]
+    if kind == 2:
+        at = world % pair.dof_invweight0.shape[0]
+        return pair.dof_invweight0[at, pair.jnt_dofadr[index]]
+    return pair.tendon_invweight0[world % pair.tendon_invweight0.shape[0], index]
+
+
+@wp.func
+def typical_inverse_mass(pair: Pair, world: int, key: wp.vec3i, kind: int) -> float:
+    """Return the one by which MuJoCo makes a spring of a solref, 1/kg or 1/(kg m^2)."""
+    index = key[1]
+    which = key[0] + 100
+    if kind == int(CONTACT):
+        mass = of_object(pair, world, 0, pair.geom_bodyid[key[0]], 0)
+        return mass + of_object(pair, world, 0, pair.geom_bodyid[key[1]], 0)
+    if which == 0:
+        part = wp.where(key[2] > 2, 1, 0)  # rows of a weld that turn
+        first = pair.eq_obj1id[index]
+        second = pair.eq_obj2id[index]
+        if pair.eq_objtype[index] == int(OF_SITES):
+            first = pair.site_bodyid[first]
+            second = pair.site_bodyid[second]
+        type = pair.eq_type[index]
+        total = of_object(pair, world, type, first, part)
+        return total + of_object(pair, world, type, second, part)
+    if which == 2 or which == 4:
+        return of_object(pair, world, 3, index, 0)
+    if which == 3:
+        return of_object(pair, world, 2, index, 0)
+    return pair.dof_invweight0[world % pair.dof_invweight0.shape[0], index]

@@ -245,11 +245,12 @@ def remember(
     memory.local1[world, g] = rows.local1[world, g]
     memory.local2[world, g] = rows.local2[world, g]
     memory.stiffness[world, g] = rows.k[world, 0, g]
-    memory.credit[world, g] = rows.credit[world, g]
+    memory.energy_tank[world, g] = rows.energy_tank[world, g]
     pressed = bool(kind > 1 or forces[0] < wp.float64(0.0))
     memory.force[world, g] = wp.where(pressed, -forces[0], wp.float64(0.0))
-    memory.slack[world, g] = wp.where(pressed, wp.max(0.0, -rows.offset[world, g]), 0.0)
+    memory.preload[world, g] = wp.where(pressed, wp.max(0.0, -rows.unstressed[world, g]), 0.0)
     if kind != int(CONTACT):
+        memory.rate[world, g] = wp.vec3(rate[0] - rows.drive[world, 0, g], 0.0, 0.0)
         return
     frame = contact_frame[rows.source[world, g]]
     memory.normal[world, g] = axis_of(frame, 0)

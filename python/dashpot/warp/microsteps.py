@@ -12,9 +12,9 @@ from dashpot.warp.group import (
     barrier,
     flow_group,
     force_now,
-    offset_rate,
     recovery_time,
     slipped,
+    unstressed_rate,
 )
 from dashpot.warp.state import UNILATERAL, Rows
 
@@ -48,7 +48,7 @@ def run_microsteps(
     d0 = float(0.0)
     fade0 = float(0.0)
     limit = float(0.0)
-    offset = float(0.0)
+    unstressed = float(0.0)
     noise = float(0.0)
     bearable = float(0.0)
     surface = float(0.0)
@@ -72,8 +72,8 @@ def run_microsteps(
     if active:
         kind = rows.kind[world, g]
         limit = rows.limit[world, g]
-        offset = rows.offset[world, g]
-        noise = rows.slack[world, g]
+        unstressed = rows.unstressed[world, g]
+        noise = rows.noise[world, g]
         bearable = rows.bearable[world, g]
         surface = rows.surface[world, g]
         k0 = rows.k[world, 0, g]
@@ -144,14 +144,14 @@ def run_microsteps(
                         base[0] = slipped(base[0], moved[0], way, p[0], k0, fade0, h)
                 elif not sticks:
                     base[i] = slipped(base[i], moved[i], way, p[i], kt[i - 1], fade[i - 1], h)
-            offset -= h * surface
+            unstressed -= h * surface
             at = base[0] + moved[0]
-            surface = offset_rate(offset, noise, at, bearable, recovery, speed, kind > 1)
+            surface = unstressed_rate(unstressed, noise, at, bearable, recovery, speed, kind > 1)
     if active:
         for i in range(3):
             rows.total[world, i, g] = total[i]
             rows.moment[world, i, g] = moment[i]
             rows.moved[world, i, g] = moved[i]
             rows.x[world, i, g] = base[i]
-        rows.offset[world, g] = offset
+        rows.unstressed[world, g] = unstressed
         rows.sticks[world, g] = wp.where(sticks, 1, 0)

@@ -53,6 +53,8 @@ class LawModel:
     nmocap: int
     body_mocap: wp.array
     mocap_body: wp.array
+    eq_mocap: wp.array
+    mocap_timeconst: wp.array
     explicit_pairs: wp.array
     pair_geoms: wp.array
     pair_values: wp.array
@@ -88,6 +90,7 @@ def put_model(
     recovery_speed: Numbers = 0.1,
     comfree_stiffness: Numbers = 0.2,
     comfree_damping: Numbers = 0.001,
+    mocap_timeconst: Numbers = 0.02,
     batch_sizes: dict[str, int] | None = None,
 ) -> Model:
     """Put a model on the device.
@@ -112,6 +115,9 @@ def put_model(
         How fast overlap that no spring took up recovers at most, m/s, >= 0.
     comfree_stiffness, comfree_damping
         k_user (1/s, > 0) and d_user (>= 0) of ``law="comfree"``.
+    mocap_timeconst
+        s, >= 0: time constant with which mocap bodies follow their poses that connects or welds
+        hold something to. Others are there at the end of the step.
     batch_sizes
         As in ``mujoco_warp.put_model``: how many values fields have, taken ``world % k``.
 
@@ -150,6 +156,7 @@ def put_model(
         recovery_speed=_numbers("recovery_speed", recovery_speed, 0.0),
         comfree_stiffness=_numbers("comfree_stiffness", comfree_stiffness, 0.0),
         comfree_damping=_numbers("comfree_damping", comfree_damping, 0.0),
+        mocap_timeconst=_numbers("mocap_timeconst", mocap_timeconst, 0.0),
         constraint_rows=_constraint_rows(mjm),
         **_topology(mjm, m),
         **_material_arrays(mjm, given, m),
@@ -214,7 +221,7 @@ def _sides(mjm: mujoco.MjModel) -> int:
         trees = set()
         first = mjm.tendon_adr[tendon]
         for wrap in range(first, first + mjm.tendon_num[tendon]):
-            kind, index = mjm.wrap_type[wrap], mjm.wrap_objid[wrap]
+            kind, index = mujoco.mjtWrap(mjm.wrap_type[wrap]), mjm.wrap_objid[wrap]
             if kind == mujoco.mjtWrap.mjWRAP_JOINT:
                 trees.add(mjm.dof_treeid[mjm.jnt_dofadr[index]])
             elif kind == mujoco.mjtWrap.mjWRAP_SITE:
@@ -284,16 +291,27 @@ def _material_arrays(mjm: mujoco.MjModel, materials: dict[int, Material], m: Any
 
 
 def _mocap(mjm: mujoco.MjModel) -> dict[str, Any]:
-    """Which mocap body every body is fixed to, -1 for none."""
-    fixed_to = np.array(mjm.body_mocapid, dtype=np.int32)
-    for body in range(1, mjm.nbody):
-        if fixed_to[body] < 0 and mjm.body_jntnum[body] == 0:
-            fixed_to[body] = fixed_to[mjm.body_parentid[body]]
+    """Which mocap body takes every body along, -1 for none; and which ones equalities hold."""
     bodies = [int(np.flatnonzero(mjm.body_mocapid == i)[0]) for i in range(mjm.nmocap)]
     return {
-        "body_mocap": wp.array(fixed_to),
+        "body_mocap": wp.array(mjm.body_mocapid[mjm.body_rootid].astype(np.int32)),
         "mocap_body": wp.array(np.array(bodies, dtype=np.int32)),
+        "eq_mocap": wp.array(_held_by_mocap(mjm), dtype=wp.vec2i),
     }
+
+
+def _held_by_mocap(mjm: mujoco.MjModel) -> NDArray[np.int32]:
+    """Mocap bodies that the two sides of connects and welds are or are fixed to, -1 for none."""
+    held = np.full((mjm.neq, 2), -1, dtype=np.int32)
+    for i in range(mjm.neq):
+        if mujoco.mjtEq(mjm.eq_type[i]) in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+            body = np.array([mjm.eq_obj1id[i], mjm.eq_obj2id[i]])
+            if mjm.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+                body = mjm.site_bodyid[body]
+            held[i] = np.where(
+                mjm.body_treeid[body] < 0, mjm.body_mocapid[mjm.body_rootid[body]], -1
+            )
+    return held
 
 
 def _form_of(material: Material) -> tuple[int, float]:
@@ -327,16 +345,19 @@ def _pair_arrays(materials: dict[tuple[int, int], Material]) -> dict[str, Any]:
 
 
 def _own_solrefs(mjm: mujoco.MjModel) -> list[wp.array]:
-    """Which geoms, equalities, dofs, tendons and joints set solref or solimp themselves."""
+    """Which geoms, equalities, dofs, tendons and joints set solref or solimp themselves.
 
-    def own(solref: Any, solimp: Any) -> wp.array:
+    Of equalities also those that mocap bodies hold: a rigid row would tear at what cannot follow.
+    """
+
+    def own(solref: Any, solimp: Any, also: Any = False) -> wp.array:
         usual = np.array([0.9, 0.95, 0.001, 0.5, 2.0])
         differs = (np.abs(solref - [0.02, 1.0]) > 0).any(1) | (np.abs(solimp - usual) > 0).any(1)
-        return wp.array(differs.astype(np.int32))
+        return wp.array((differs | also).astype(np.int32))
 
     return [
         own(mjm.geom_solref, mjm.geom_solimp),
-        own(mjm.eq_solref, mjm.eq_solimp),
+        own(mjm.eq_solref, mjm.eq_solimp, (_held_by_mocap(mjm) >= 0).any(1)),
         own(mjm.dof_solref, mjm.dof_solimp),
         own(mjm.tendon_solref_fri, mjm.tendon_solimp_fri),
         own(mjm.jnt_solref, mjm.jnt_solimp),

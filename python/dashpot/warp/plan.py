@@ -12,7 +12,7 @@ units is lowered only beyond that, and counted.
 import warp as wp
 
 from dashpot.warp.coupling import same_bodies
-from dashpot.warp.material import Pair, pair_material, solref_rates
+from dashpot.warp.material import Pair, pair_material, solref_rates, typical_inverse_mass
 from dashpot.warp.reach import BLOW, SLOW
 from dashpot.warp.state import CONTACT, SLIDER, UNILATERAL, Rows, Work
 
@@ -138,8 +138,10 @@ def fill_rows(
     rates = solref_rates(pair, world, rows.key[world, g], rows.source[world, g], kind, load)
     from_solref = rates[0] > 0.0 and k_given == 0.0 and d_given < 0.0
     if from_solref:
-        kappa = wp.min(resolved, rates[0])
-        delta = rates[1]
+        # Springs of the model's own are those of MuJoCo, whatever the row moves.
+        ratio = w / typical_inverse_mass(pair, world, rows.key[world, g], kind)
+        kappa = wp.min(resolved, ratio * rates[0])
+        delta = wp.sqrt(ratio) * rates[1]
     elif k_given > 0.0:
         asked = k_given * w
         kappa = wp.min(resolved, asked)

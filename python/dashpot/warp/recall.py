@@ -7,7 +7,7 @@ and the rest recovers.
 
 Rows have the geometry of the middle of the step (``cpp/include/dashpot/detect/turning.hpp``).
 The velocities of its start have the rates J v there, and had J' v in the middle of the last step,
-which the contact remembers. What turns between the two,
+which contacts and equalities remember. What turns between the two,
 
     (J v - J' v) / T ,
 
@@ -28,15 +28,15 @@ TURNS_ON = 2.0  # times its way in a step that a contact point may have moved
 
 @wp.func
 def kept_force(
-    deformation: float, old: float, k: float, w: float, speed: float, credit: float
+    deformation: float, old: float, k: float, w: float, speed: float, energy_tank: float
 ) -> wp.vec2:
-    """Share of a remembered force that goes on under another stiffness; the credit that is left.
+    """Share of a remembered force that goes on under another stiffness; the energy tank.
 
     A rising stiffness takes energy, which a falling one may give back; that may add no more to it
     than what the apparent mass has at the recovery speed.
     """
     if deformation == 0.0 or old == 0.0 or k == 0.0:
-        return wp.vec2(0.0, credit)
+        return wp.vec2(0.0, energy_tank)
     same = old / k
     stored = 0.5 * old * deformation * deformation
     scale = same
@@ -44,9 +44,9 @@ def kept_force(
         allowed = same
         if w > 0.0:
             allowed = speed / (wp.sqrt(k * w) * wp.abs(deformation))
-        covered = wp.sqrt(same * (1.0 + credit / stored))
+        covered = wp.sqrt(same * (1.0 + energy_tank / stored))
         scale = wp.min(same, wp.max(allowed, covered))
-    left = wp.max(0.0, credit - stored * (scale * scale / same - 1.0))
+    left = wp.max(0.0, energy_tank - stored * (scale * scale / same - 1.0))
     return wp.vec2(scale / same, left)
 
 
@@ -71,14 +71,14 @@ def recall_friction(
     g: int,
     old: int,
     speed: float,
-    credit_in: float,
+    energy_tank_in: float,
     geom_xmat: wp.array2d(dtype=wp.mat33),
     contact_frame: wp.array(dtype=wp.mat33),
     rows: Rows,
     memory: Memory,
 ) -> float:
-    """Deformations of friction's springs; the credit that is left."""
-    credit = credit_in
+    """Deformations of friction's springs; the energy tank that is left."""
+    energy_tank = energy_tank_in
     to_world = wp.mat33d(geom_xmat[world, rows.key[world, g][0]])
     frame = contact_frame[rows.source[world, g]]
     stiffnesses = memory.friction_stiffness[world, old]
@@ -94,8 +94,8 @@ def recall_friction(
             force = to_world @ force
             ki = wp.max(rows.k[world, first, g], rows.k[world, first + 1, g])
             wi = wp.max(rows.w[world, first, g], rows.w[world, first + 1, g])
-            kept = kept_force(wp.float32(wp.length(force)) / ks, ks, ki, wi, speed, credit)
-            credit = kept[1]
+            kept = kept_force(wp.float32(wp.length(force)) / ks, ks, ki, wi, speed, energy_tank)
+            energy_tank = kept[1]
             # Of the force as it is, for the tangents differ a little in stiffness.
             for i in range(2):
                 tangent = wp.vec3d(axis_of(frame, 1 + i))
@@ -107,11 +107,16 @@ def recall_friction(
         spin = memory.spin[world, old]
         k = rows.k[world, 3, g]
         kept = kept_force(
-            wp.float32(spin) / stiffnesses[1], stiffnesses[1], k, rows.w[world, 3, g], speed, credit
+            wp.float32(spin) / stiffnesses[1],
+            stiffnesses[1],
+            k,
+            rows.w[world, 3, g],
+            speed,
+            energy_tank,
         )
         keep(spin * wp.float64(kept[0]) / wp.float64(k), world, 3, g, rows)
-        credit = kept[1]
-    return credit
+        energy_tank = kept[1]
+    return energy_tank
 
 
 @wp.kernel
@@ -132,7 +137,7 @@ def recall(
     memory: Memory,
     work: Work,
 ):
-    """Deformations, offsets and turning of every group; thread per group."""
+    """Deformations, unstressed penetrations and turning of every group; thread per group."""
     world, g = wp.tid()
     if g >= rows.count[world]:
         return
@@ -146,7 +151,7 @@ def recall(
         rows.x[world, i, g] = 0.0
         rows.rest[world, i, g] = 0.0
         rows.turning[world, i, g] = 0.0
-    credit = float(0.0)
+    energy_tank = float(0.0)
     noise = 2.0e-7 * (1.0 + wp.abs(rows.gap[world, g]))
     if kind == int(CONTACT):
         source = rows.source[world, g]
@@ -178,9 +183,19 @@ def recall(
                     if i > 0:
                         before = wp.dot(across, axis_of(frame, i))
                     rows.turning[world, i, g] = (rows.u[world, i, g] - before) / T
-                half = ahead * T
-                turning = rows.turning[world, 0, g]
-                rows.gap[world, g] = rows.gap[world, g] + 0.5 * half * half * turning
+    elif kind == int(BILATERAL) and old >= 0 and ahead > 0.0:
+        edited = int(0)
+        for side in range(rows.sides):
+            tree = rows.tree[world, side, g]
+            if tree >= 0:
+                edited = wp.max(edited, work.edited[world, tree])
+        if edited == 0:
+            # Mocap bodies change their velocities in jumps.
+            now = rows.u[world, 0, g] - rows.drive[world, 0, g]
+            rows.turning[world, 0, g] = (now - memory.rate[world, old][0]) / T
+    half = ahead * T
+    turning = rows.turning[world, 0, g]
+    rows.gap[world, g] = rows.gap[world, g] + 0.5 * half * half * turning
     gap = rows.gap[world, g]
     x = wp.float64(0.0)
     stiff = wp.float64(k)
@@ -189,11 +204,16 @@ def recall(
             force = memory.force[world, old]
             stiffness = memory.stiffness[world, old]
             kept = kept_force(
-                wp.float32(force) / stiffness, stiffness, k, w, speed, memory.credit[world, old]
+                wp.float32(force) / stiffness,
+                stiffness,
+                k,
+                w,
+                speed,
+                memory.energy_tank[world, old],
             )
             x = -force * wp.float64(kept[0]) / stiff
-            credit = kept[1]
-        rows.offset[world, g] = wp.where(kind == int(BILATERAL), wp.float32(x) - gap, 0.0)
+            energy_tank = kept[1]
+        rows.unstressed[world, g] = wp.where(kind == int(BILATERAL), wp.float32(x) - gap, 0.0)
     else:
         x = wp.float64(gap)
         is_new = old < 0
@@ -201,25 +221,25 @@ def recall(
             x = wp.float64(0.0)
             if memory.steps[world] == 0 and rows.bearable[world, g] < wp.inf:
                 x = wp.float64(wp.max(gap, -rows.bearable[world, g]))
-        if old >= 0 and gap < noise + memory.slack[world, old]:
+        if old >= 0 and gap < noise + memory.preload[world, old]:
             stiffness = memory.stiffness[world, old]
             force = memory.force[world, old]
             compression = wp.float32(force) / stiffness
-            reach = memory.slack[world, old] + noise - gap
+            reach = memory.preload[world, old] + noise - gap
             if compression > reach:
                 compression = wp.max(reach, 0.0)
                 force = wp.float64(compression) * wp.float64(stiffness)
-            kept = kept_force(compression, stiffness, k, w, speed, memory.credit[world, old])
+            kept = kept_force(compression, stiffness, k, w, speed, memory.energy_tank[world, old])
             x = -force * wp.float64(kept[0]) / stiff
-            credit = kept[1]
+            energy_tank = kept[1]
             if compression <= 0.0:
                 x = wp.float64(wp.max(gap, 0.0))
             elif kind == int(CONTACT):
-                credit = recall_friction(
-                    world, g, old, speed, credit, geom_xmat, contact_frame, rows, memory
+                energy_tank = recall_friction(
+                    world, g, old, speed, energy_tank, geom_xmat, contact_frame, rows, memory
                 )
-        rows.offset[world, g] = wp.float32(x) - gap
+        rows.unstressed[world, g] = wp.float32(x) - gap
     keep(x, world, 0, g, rows)
-    rows.credit[world, g] = credit
+    rows.energy_tank[world, g] = energy_tank
     # Within noise nothing recovers.
-    rows.slack[world, g] = noise
+    rows.noise[world, g] = noise

@@ -102,11 +102,31 @@ def find_rows(m: Model, d: Data, ahead: float) -> None:
     wp.launch(coupling.add_counts, dim=d.nworld, inputs=[m.ntree, work])
     wp.launch(coupling.list_members, dim=trees, inputs=[state, work])
     if own.nmocap:
-        bodies = [m.geom_bodyid, own.body_mocap, d.xpos, contact.pos, contact.frame]
+        drive_rows(m, d, ahead)
+
+
+def drive_rows(m: Model, d: Data, ahead: float) -> None:
+    """Let contacts, connects and welds see the velocities of mocap bodies."""
+    law, own = d.dashpot, m.dashpot
+    groups, time = (d.nworld, law.groups), [ahead, m.opt.timestep]
+    bodies = [own.body_mocap, own.mocap_body, d.xpos]
+    contacts = [law.mocap_motion, d.contact.pos, d.contact.frame, law.rows]
+    wp.launch(mocap.drive_contacts, dim=groups, inputs=[*time, m.geom_bodyid, *bodies, *contacts])
+    if m.neq:
+        sites = [m.site_bodyid, d.site_xpos, m.site_quat]
+        equalities = [m.eq_type, m.eq_objtype, m.eq_obj1id, m.eq_obj2id, m.eq_data]
         wp.launch(
-            mocap.drive_rows,
+            mocap.drive_equalities,
             dim=groups,
-            inputs=[ahead, m.opt.timestep, *bodies, state, work],
+            inputs=[
+                *time,
+                *bodies,
+                d.xquat,
+                law.mocap_motion,
+                *sites,
+                *equalities,
+                law.rows,
+            ],
         )
 
 

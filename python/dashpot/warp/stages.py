@@ -41,14 +41,16 @@ def drift_to_middle(m: Model, d: Data) -> None:
 def move_mocap_bodies(m: Model, d: Data, ahead: float) -> None:
     """Take mocap bodies to where they are after `ahead` of the step."""
     own, law = m.dashpot, d.dashpot
-    inputs = [m.opt.timestep, ahead, d.mocap_pos, d.mocap_quat, law.memory]
-    outputs = [law.mocap_told, law.mocap_motion]
+    inputs = [m.opt.timestep, ahead, own.mocap_timeconst, own.eq_mocap, d.eq_active]
+    inputs += [d.mocap_pos, d.mocap_quat, law.memory]
+    outputs = [law.mocap_told, law.mocap_behind, law.mocap_motion]
     wp.launch(mocap.move_to_middle, dim=(d.nworld, own.nmocap), inputs=inputs, outputs=outputs)
 
 
 def leave_mocap_bodies(m: Model, d: Data, memory: object) -> None:
     """Put mocap bodies back to where users have them; `memory` keeps that."""
-    inputs = [d.dashpot.mocap_told, d.mocap_pos, d.mocap_quat, memory]
+    law = d.dashpot
+    inputs = [law.mocap_told, law.mocap_behind, d.mocap_pos, d.mocap_quat, memory]
     wp.launch(mocap.put_where_told, dim=(d.nworld, m.dashpot.nmocap), inputs=inputs)
 
 
@@ -218,7 +220,7 @@ def find_smooth_motion(m: Model, d: Data) -> None:
             outputs=[work.force],
         )
     trees = [m.tree_dofadr, m.tree_dofnum, own.tree_factor]
-    inertias = [m.M_rownnz, m.M_rowadr, m.M_colind, d.M, work]
+    inertias = [m.M_rownnz, m.M_rowadr, m.M_colind, d.M, m.dof_invweight0, work]
     wp.launch(inertia.factor, dim=(d.nworld, m.ntree), inputs=[is_fitted, *trees, *inertias])
     wp.launch(inertia.solve_smooth, dim=(d.nworld, m.ntree), inputs=[*trees, work])
     if own.has_joints and is_fitted:

@@ -12,6 +12,8 @@ UNILATERAL = 1
 BILATERAL = 2
 SLIDER = 3
 
+OF_SITES = 6  # mjOBJ_SITE: an equality that joins sites, not bodies
+
 
 @wp.struct
 class Rows:
@@ -38,10 +40,10 @@ class Rows:
     local2: wp.array2d(dtype=wp.vec3)
     gap: wp.array2d(dtype=wp.float32)  # at the start of the step, m or rad
     limit: wp.array2d(dtype=wp.float32)  # of a slider, N or N m; infinite for equalities
-    offset: wp.array2d(dtype=wp.float32)  # overlap beyond the compression, m
-    bearable: wp.array2d(dtype=wp.float32)  # compression under which the offset recovers, m
-    slack: wp.array2d(dtype=wp.float32)  # compression beyond the overlap, m
-    credit: wp.array2d(dtype=wp.float32)  # J
+    unstressed: wp.array2d(dtype=wp.float32)  # deformation minus gap, m; below 0 it is preload
+    bearable: wp.array2d(dtype=wp.float32)  # compression under which that recovers, m
+    noise: wp.array2d(dtype=wp.float32)  # what collision does not know of a gap, m
+    energy_tank: wp.array2d(dtype=wp.float32)  # what rising stiffness took from these springs, J
     pair_w: wp.array2d(dtype=wp.float32)  # mean inverse mass of the normals of two bodies, 1/kg
     own_bound: wp.array3d(dtype=wp.float32)  # (world, 3, group): of stiffness, normals, friction
     bound: wp.array3d(dtype=wp.float32)  # the largest of contacts of the same two bodies
@@ -67,7 +69,7 @@ class Rows:
     Y: wp.array3d(dtype=wp.float32)  # J inv(L'), likewise
     A: wp.array4d(dtype=wp.float32)  # (world, group * dims + row of the other, row, group)
     # What micro-steps keep between barriers where registers do not hold it:
-    surface: wp.array2d(dtype=wp.float32)  # rate at which the offset recovers, m/s
+    surface: wp.array2d(dtype=wp.float32)  # rate of unstressed penetration that recovers, m/s
     e: wp.array3d(dtype=wp.float32)  # (world, 4 row + n - 1, group): E_n of a micro-step
     slip: wp.array3d(dtype=wp.float32)
     fade: wp.array3d(dtype=wp.float32)  # of slipping springs in a micro-step
@@ -88,8 +90,8 @@ class Memory:
     local2: wp.array2d(dtype=wp.vec3)
     force: wp.array2d(dtype=wp.float64)  # of the spring, N; k x
     stiffness: wp.array2d(dtype=wp.float32)
-    slack: wp.array2d(dtype=wp.float32)
-    credit: wp.array2d(dtype=wp.float32)
+    preload: wp.array2d(dtype=wp.float32)  # part of the compression beyond the overlap, m
+    energy_tank: wp.array2d(dtype=wp.float32)
     slide: wp.array2d(dtype=wp.vec3d)  # N, frame of geom 1
     spin: wp.array2d(dtype=wp.float64)  # N m
     roll: wp.array2d(dtype=wp.vec3d)  # N m, frame of geom 1
@@ -100,7 +102,8 @@ class Memory:
     qpos: wp.array2d(dtype=wp.float32)  # at the end of the step
     qvel: wp.array2d(dtype=wp.float32)
     rest: wp.array2d(dtype=wp.float32)  # what positions lose to rounding
-    poses: wp.array2d(dtype=wp.float32)  # of mocap bodies, position and quaternion
+    poses: wp.array2d(dtype=wp.float32)  # told to mocap bodies, position and quaternion
+    behind: wp.array2d(dtype=wp.float32)  # how far they are from there, m, rad, and its rates
 
 
 @wp.struct

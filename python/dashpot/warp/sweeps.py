@@ -16,9 +16,9 @@ from dashpot.warp.group import (
     barrier,
     flow_group,
     force_now,
-    offset_rate,
     recovery_time,
     slipped,
+    unstressed_rate,
 )
 from dashpot.warp.state import UNILATERAL, Rows, Work
 
@@ -171,11 +171,11 @@ def sweep_kernel(dims: int) -> Any:
                                 base, moved, way, rows.impulse[world, i, g],
                                 rows.k[world, i, g], rows.fade[world, i, g], h,
                             )  # fmt: skip
-                    offset = rows.offset[world, g] - h * surface
-                    rows.offset[world, g] = offset
+                    unstressed = rows.unstressed[world, g] - h * surface
+                    rows.unstressed[world, g] = unstressed
                     at = rows.x[world, 0, g] + rows.moved[world, 0, g]
-                    rows.surface[world, g] = offset_rate(
-                        offset, rows.slack[world, g], at, rows.bearable[world, g],
+                    rows.surface[world, g] = unstressed_rate(
+                        unstressed, rows.noise[world, g], at, rows.bearable[world, g],
                         recovery, speed, kind > 1,
                     )  # fmt: skip
 
