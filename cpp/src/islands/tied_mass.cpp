@@ -42,6 +42,7 @@ void TiedMass::find(const StepView& step, const std::vector<GroupMaterial>& mate
     equality_.clear();
     limit_.clear();
     factored_.clear();
+    responded_.clear();
     for (int index : island.group) {
       const RowKind kind = rows.group[index].kind;
       if (kind == RowKind::kBilateral && materials[index].is_rigid()) equality_.push_back(index);
@@ -180,20 +181,43 @@ bool TiedMass::hold(const Scene& scene, const Rows& rows) {
   return true;
 }
 
+// What a unit impulse of each row that holds changes velocities by; hits of an island ask for many
+// of them again.
+std::array<const AlignedDoubles*, TiedMass::kFewHeld> TiedMass::respond_to_held(const Scene& scene,
+                                                                                const Rows& rows) {
+  const auto place = [&](int index) {
+    return std::find(responded_.begin(), responded_.end(), index) - responded_.begin();
+  };
+  const auto is_new = [&](int index) {
+    return place(index) == static_cast<std::ptrdiff_t>(responded_.size());
+  };
+  if (responded_.size() + std::count_if(held_.begin(), held_.end(), is_new) > kFewHeld)
+    responded_.clear();
+  std::array<const AlignedDoubles*, kFewHeld> response{};
+  for (size_t i = 0; i < held_.size(); ++i) {
+    const auto at = place(held_[i]);
+    if (is_new(held_[i])) {
+      responded_.push_back(held_[i]);
+      const double unit = 1.0;
+      clear(scene, row_force_);
+      scatter(rows, rows.group[held_[i]], 1, &unit, row_force_.data());
+      respond(scene, row_force_, row_response_[at]);
+    }
+    response[i] = &row_response_[at];
+  }
+  return response;
+}
+
 bool TiedMass::hold_with_few(const Scene& scene, const Rows& rows) {
   const int count = static_cast<int>(held_.size());
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kFewHeld, kFewHeld> mass(count, count);
   Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kFewHeld, 1> impulse(count);
+  const std::array<const AlignedDoubles*, kFewHeld> response = respond_to_held(scene, rows);
   for (int i = 0; i < count; ++i) {
-    const RowGroup& c = rows.group[held_[i]];
-    const double unit = 1.0;
-    clear(scene, row_force_);
-    scatter(rows, c, 1, &unit, row_force_.data());
-    respond(scene, row_force_, row_response_[i]);
     for (int j = 0; j <= i; ++j)
-      mass(i, j) = mass(j, i) = first_rate(rows, rows.group[held_[j]], row_response_[i]);
+      mass(i, j) = mass(j, i) = first_rate(rows, rows.group[held_[j]], *response[i]);
     mass(i, i) *= 1.0 + kCompliance;
-    impulse[i] = first_rate(rows, c, pushed_);
+    impulse[i] = first_rate(rows, rows.group[held_[i]], pushed_);
   }
   const auto factors = mass.llt();
   if (factors.info() != Eigen::Success) return false;
@@ -202,7 +226,7 @@ bool TiedMass::hold_with_few(const Scene& scene, const Rows& rows) {
     const Tree& t = scene.trees.tree[tree];
     for (int k = t.begin; k < t.begin + t.count; ++k) {
       response_[k] = pushed_[k];
-      for (int i = 0; i < count; ++i) response_[k] -= impulse[i] * row_response_[i][k];
+      for (int i = 0; i < count; ++i) response_[k] -= impulse[i] * (*response[i])[k];
     }
   }
   return true;

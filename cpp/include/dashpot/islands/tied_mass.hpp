@@ -54,15 +54,17 @@ class TiedMass {
   bool hold(const Scene& scene, const Rows& rows);
   bool hold_with_few(const Scene& scene, const Rows& rows);
 
-  static constexpr int kFewHeld = 8;
+  static constexpr int kFewHeld = 16;
+  std::array<const AlignedDoubles*, kFewHeld> respond_to_held(const Scene& scene, const Rows& rows);
 
   std::vector<int> equality_, limit_;  // groups that hold, or may
   std::vector<int> hit_, held_;        // groups of a hit, and those that hold it
   std::vector<int> factored_;          // held_ of which the factors of the island are
+  std::vector<int> responded_;         // groups whose responses are known
   std::vector<HeldRow> held_row_;
   HeldInertia inertia_;
   AlignedDoubles force_, response_, pushed_, row_force_;
-  std::array<AlignedDoubles, kFewHeld> row_response_;  // of held_
+  std::array<AlignedDoubles, kFewHeld> row_response_;  // of responded_
 };
 
 }  // namespace dashpot
