@@ -142,7 +142,7 @@ def test_extension_of_another_python(package_copy: Path) -> None:
 
 
 @pytest.mark.skipif(
-    b"libfcl.so.0.7" not in EXTENSION.read_bytes(), reason="the wheel brings its own FCL"
+    (EXTENSION.parents[1] / "dashpot.libs").is_dir(), reason="the wheel brings its own FCL"
 )
 def test_fcl_missing(package_copy: Path) -> None:
     copy_extension(package_copy, b"libfcl.so.0.7")
