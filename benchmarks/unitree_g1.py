@@ -5,7 +5,9 @@
 
 It stands on a floor, on servos with the gains of mjlab: a natural frequency of 10 Hz with the
 rotors' inertia, twice critically damped. Their targets jump every 20 steps within a share of the
-joints' ranges about the pose of the start. Over the first 0.1 s it prints the largest difference of a coordinate (m, rad) to the engine with 16
+joints' ranges about the pose of the start.
+
+Over the first 0.1 s it prints the largest difference of a coordinate (m, rad) to the engine with 16
 steps in one, and to the engine itself. Beside them is what a start in single precision changes of
 the engine's motion. Over 1,000 steps it prints how much more energy there is than servos and
 dampers explain, as a share of the range of the energy.
