@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Generator
 
 import mujoco
 import pytest
 
 from query_geoms import hull_mesh, hull_points, two_of_each
+
+# What is imported and collected stays: searches for garbage there take a quarter of the time.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """From here on look for garbage among what tests leave alone, and not too often."""
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
+    gc.enable()
 
 
 @pytest.hookimpl(wrapper=True)
@@ -28,3 +39,13 @@ def zoo():
         f"""<mujoco><asset>{hull_mesh(hull_points())}</asset><worldbody>
         <geom name="plane" type="plane" size="1 1 1"/>{two_of_each()}</worldbody></mujoco>"""
     )
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave out what takes most of the time of a report: figures are made, but not drawn."""
+    from dashpot.calibrate.report import page
+    from dashpot.figures import ShownFigure
+
+    monkeypatch.setattr(page, "embedded", lambda figure: f"data:,{len(figure.axes)} panels")
+    monkeypatch.setattr(page, "animation", lambda clip, _: ShownFigure())

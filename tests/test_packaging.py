@@ -79,8 +79,8 @@ def test_contributing_is_one_page() -> None:
 
 def test_supported_versions_of_mujoco_are_the_same_everywhere() -> None:
     said = ", ".join(SUPPORTED[:-1]) + " and " + SUPPORTED[-1]
-    for page in ("README.md", "docs/start.md", "docs/guides/versions.md"):
-        assert said in " ".join(read(page).split()), page
+    for name in ("README.md", "docs/start.md", "docs/guides/versions.md"):
+        assert said in " ".join(read(name).split()), name
     built_alone = only(r"mujoco==([0-9.]+)\.\*", read("pyproject.toml"))
     assert built_alone in SUPPORTED
     folders = re.findall(
@@ -146,6 +146,7 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert "[[9.81 0.   0.  ]]" in printed  # the ball has come to rest: its weight
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_script_about_reports_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
