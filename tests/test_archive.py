@@ -166,4 +166,4 @@ def test_tables_that_are_no_recordings_are_refused(tmp_path, text, message):
                                   "tensor.pt", "problem.json", "problem.toml"])  # fmt: skip
 def test_readers_of_mutated_files_return_or_raise_what_they_promise(tmp_path, kind):
     """A hundred thousand of each: benchmarks/mutated_files.py."""
-    assert not failures(kind, *whole_files(tmp_path)[kind], 200)
+    assert not failures(kind, *whole_files(tmp_path)[kind], 80)

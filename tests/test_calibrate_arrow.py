@@ -333,20 +333,20 @@ def throws(number):
     trajectories = []
     for i in range(number):
         velocity = rng.normal(size=6) * [0.7, 0.7, 0.3, 2.0, 2.0, 2.0] - [0, 0, 0.8, 0, 0, 0]
-        trajectories.append(observe(engine, velocity, 30, rng, f"throw {i}"))
+        trajectories.append(observe(engine, velocity, 20, rng, f"throw {i}"))
     parameters = ball_parameters((8e3, 25.0, 0.35))
     return Problem(engine, parameters, trajectories, 1e-4, 1e-3, initial_state="pose_and_velocity")
 
 
 def test_no_more_is_stored_than_a_trajectory_needs():
-    """Of 60 throws the derivatives in full would be 48 times as large."""
-    problem = throws(60)
+    """Of 30 throws the derivatives in full would be 24 times as large."""
+    problem = throws(30)
     objective = Objective(problem)
     jacobian = objective.jacobian(objective.start())
-    assert jacobian.size == 3 + 60 * 12
+    assert jacobian.size == 3 + 30 * 12
     stored = jacobian.shared.size + jacobian.own.size
     assert stored == objective.residual_count * 15
-    assert jacobian.dense().size == 48.2 * stored
+    assert jacobian.dense().size == 24.2 * stored
 
 
 def test_many_throws_of_unknown_initial_states_recover_the_truth():

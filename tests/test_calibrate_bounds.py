@@ -35,7 +35,7 @@ def test_a_logit_reaches_its_bounds_where_it_still_moves(bounds):
 def test_a_restitution_beyond_its_bound_ends_there(seed, initial_state):
     engine = restitution_engine(0.7)
     rng = np.random.default_rng(seed)
-    throws = [observe(engine, SIDEWAYS, noise=rng, name=f"throw {i}") for i in range(3)]
+    throws = [observe(engine, SIDEWAYS, noise=rng, name=f"throw {i}") for i in range(2)]
     unknown = Parameter.material("ball", "restitution", start=0.5, bounds=(0.01, 0.69))
     # Noise is said to be larger than it is, so that it explains what the bound leaves.
     problem = Problem(engine, [unknown], throws, 3e-3, 3e-2, initial_state=initial_state)

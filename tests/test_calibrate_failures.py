@@ -32,9 +32,7 @@ def spinner(start=0.15):
     ("method", "options"),
     [
         ("least_squares", {}),
-        ("least_squares", {"starts": 8}),
         ("least_squares", {"starts": 0}),
-        ("cma", {}),
         ("cma+least_squares", {}),
     ],
 )

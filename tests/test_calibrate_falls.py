@@ -123,7 +123,7 @@ def bouncing(seen, length, seconds, restitution, noise, seed):
 
 @pytest.mark.parametrize("seen", ["pose", "mark", "z"])
 @pytest.mark.parametrize(("length", "seconds", "said"), UNITS)
-@pytest.mark.parametrize(("restitution", "seed"), [(0.6, 0), (0.85, 1), (0.95, 2)])
+@pytest.mark.parametrize(("restitution", "seed"), [(0.6, 0), (0.95, 2)])
 def test_a_height_alone_tells_units(seen, length, seconds, said, restitution, seed):
     """Of arcs between impacts, while the ball is at rest before and perhaps after them."""
     found = strange_falls(bouncing(seen, length, seconds, restitution, 1e-3, seed))

@@ -82,7 +82,7 @@ def test_guesses_do_not_look_beyond_the_window():
 
 @pytest.mark.parametrize(("frame", "loss"), [(0, "huber"), (4, "cauchy")])
 def test_an_outlier_among_the_first_frames_does_not_ruin_a_robust_fit(frame, loss):
-    result = fit(problem_of([frame]), loss=loss, starts=0)
+    result = fit(problem_of([frame], frames=70), loss=loss, starts=0)
     assert result.noise_explains
     for name, value in TRUTH.items():
         # 4.5 standard errors: one of three is further off once in 50,000.
@@ -112,7 +112,7 @@ def test_searches_judge_what_lies_within_noise_beside_a_tenth_of_outliers(loss):
 def test_outliers_that_a_loss_is_for_send_no_search_to_further_starts():
     loss = "huber"
     rng = np.random.default_rng(6)
-    problem = problem_of(rng.choice(100, 5, replace=False))
+    problem = problem_of(rng.choice(70, 4, replace=False), frames=70)
     alone, result = fit(problem, loss=loss, starts=0), fit(problem, loss=loss)
     assert result.converged
     assert all(estimate.identified for estimate in result.estimates)

@@ -29,7 +29,7 @@ def spinning_throw(seed, frames=150):
     )
 
 
-def problem(seed, larger):
+def problem(seed, larger, frames):
     """Return a fit to which noise is stated larger than it is by a factor."""
     unknown = [
         Parameter.pair("ball", "floor", name, start=START[name], bounds=BOUNDS[name])
@@ -38,7 +38,7 @@ def problem(seed, larger):
     return Problem(
         ball(START),
         unknown,
-        [spinning_throw(seed)],
+        [spinning_throw(seed, frames)],
         larger * POSITION_NOISE,
         larger * ROTATION_NOISE,
         initial_state="pose_and_velocity",
@@ -47,13 +47,13 @@ def problem(seed, larger):
 
 @pytest.fixture(scope="module")
 def right():
-    return fit(problem(0, 1.0))
+    return fit(problem(0, 1.0, frames=110))
 
 
 def test_noise_stated_too_large_changes_no_interval(right):
     """In the valley of friction 0.024 residuals have a variance of 6.3 true ones, 1 as stated."""
     larger = 2.5
-    result = fit(problem(0, larger))
+    result = fit(problem(0, larger, frames=110))
     assert result.residual_variance * larger**2 == pytest.approx(right.residual_variance, rel=1e-3)
     assert result.noise_overstated
     assert not right.noise_overstated
@@ -72,7 +72,7 @@ def test_noise_stated_too_large_changes_no_interval(right):
 
 
 def test_a_misfit_that_noise_stated_too_large_hides_is_said():
-    result = fit(problem(0, 10.0), starts=0)
+    result = fit(problem(0, 10.0, frames=150), starts=0)
     assert result.noise_explains
     assert result["sliding_friction"].value < 0.05
     assert "position" in {misfit.channel for misfit in result.misfits}

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from multiprocessing import get_context
+from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
 import numpy as np
@@ -215,7 +214,7 @@ def test_functions_have_no_recorder():
 def test_workers_and_files_come_to_the_same_bits(tmp_path):
     problem = bounces(heights=(0.3, 0.2))
     here = fit(problem, starts=0)
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+    with ThreadPoolExecutor(1) as pool:
         there = fit(problem, starts=0, executor=pool)
     kept = [fit(problem, starts=0, checkpoint=tmp_path / "fit.npz") for _ in range(2)]
     for other in (there, *kept):

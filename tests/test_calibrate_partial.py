@@ -127,7 +127,7 @@ def test_lost_frames_leave_a_fit_what_the_others_say(lose):
     kept = np.random.default_rng(2).uniform(size=150) > 0.2
     kept[:3] = False, True, True  # the first frame too, where it is not left out
     kept[0] = lose is shortened
-    result = fit(problem(lose(whole(), kept), position_sigma=NOISE))
+    result = fit(problem(lose(whole(), kept), position_sigma=NOISE), starts=0)
     assert_recovers(result)
     assert result.live_residuals == 3 * np.count_nonzero(kept)
     # The root mean square of three coordinates of noise, to three of its standard deviations.

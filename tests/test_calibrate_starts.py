@@ -34,11 +34,15 @@ def throws(start, frames=45):
     return Problem(engine, ball_parameters(start), trajectories, 1e-4, 1e-3)
 
 
-def test_a_far_start_is_left():
-    problem = throws(FAR)
-    alone = fit(problem, starts=0)
+@pytest.fixture(scope="module")
+def from_far():
+    return fit(throws(FAR), nthread=2)
+
+
+def test_a_far_start_is_left(from_far):
+    alone = fit(throws(FAR), starts=0)
     assert not alone.noise_explains  # the bad valley, which the result admits
-    result = fit(problem)
+    result = from_far
     assert result.noise_explains
     assert result.converged
     for name, value in TRUTH.items():
@@ -55,8 +59,7 @@ def test_a_good_start_costs_nothing_more():
     assert result.evaluations == alone.evaluations
 
 
-@pytest.mark.parametrize("starts", [None, 0])
-@pytest.mark.parametrize("iterations", [2, 6])
+@pytest.mark.parametrize(("starts", "iterations"), [(None, 6), (0, 2)])
 def test_a_search_goes_on_until_it_converges(starts, iterations, monkeypatch):
     """On a rough cost the first local search may end before: a share of the budget, no verdict."""
     monkeypatch.setattr(strategy, "MOST_ITERATIONS", iterations)
@@ -109,17 +112,15 @@ def test_what_noise_does_not_explain_early_waits(ends, searched, monkeypatch):
     assert ["".join(stage.searched) for stage in stages] == searched
 
 
-def test_far_starts_do_not_depend_on_threads():
-    one, two = (fit(throws(FAR), nthread=n).to_dict() for n in (1, 2))
+def test_far_starts_do_not_depend_on_threads(from_far):
+    one, two = fit(throws(FAR), nthread=1).to_dict(), from_far.to_dict()
     del one["seconds"], two["seconds"]
     assert one == two
 
 
-@pytest.mark.parametrize("method", ["cma", "cma+least_squares"])
-def test_evolution_takes_windows_by_itself(method):
+def test_evolution_takes_windows_by_itself():
     """Whole bouncing throws have many valleys; windows that grow from contact avoid them."""
-    problem = throws(FAR)
-    result = fit(problem, method=method)
+    result = fit(throws(FAR), method="cma+least_squares")
     assert result.noise_explains
     for name, value in TRUTH.items():
         assert result[name].value == pytest.approx(value, rel=0.05)
@@ -128,9 +129,9 @@ def test_evolution_takes_windows_by_itself(method):
 @pytest.mark.parametrize(
     ("start", "state", "budget"),
     [
-        *((FAR, "pose_and_velocity", budget) for budget in (1, 40, 150, 400)),
-        *((FAR, "given", budget) for budget in (40, 150)),
-        *(((8e3, 25.0, 0.25), "given", budget) for budget in (1, 40, 400)),
+        *((FAR, "pose_and_velocity", budget) for budget in (40, 400)),
+        (FAR, "given", 150),
+        *(((8e3, 25.0, 0.25), "given", budget) for budget in (1, 400)),
     ],
 )
 def test_the_budget_holds_for_the_whole_fit(start, state, budget):
@@ -226,11 +227,10 @@ def test_starts_whose_simulation_fails_are_left_out():
     far = throws(FAR)
     parameters = [Parameter(p.name, p.start, p.bounds) for p in far.parameters]
     problem = replace(far, system=build, parameters=parameters)
-    assert not fit(problem, starts=0).noise_explains
     result = fit(problem)
     assert result.noise_explains
     assert result["stiffness"].value == pytest.approx(1e4, rel=0.02)
-    assert fit(problem, starts=31, windows=(0.1,))["stiffness"].value == pytest.approx(
+    assert fit(problem, starts=15, windows=(0.1,))["stiffness"].value == pytest.approx(
         1e4, rel=0.02
     )
     stiff = [replace(parameters[0], start=6e5), *parameters[1:]]
@@ -262,7 +262,6 @@ def test_a_tumbling_box_is_fitted_from_a_far_start():
         )
     ]
     problem = Problem(engine, parameters, trajectories, 1e-4, 1e-3)
-    assert not fit(problem, starts=0).noise_explains
     result = fit(problem)
     assert result.noise_explains
     for name, value in truth.items():

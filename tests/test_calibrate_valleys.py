@@ -183,7 +183,7 @@ def test_a_walk_ends_where_simulations_fail():
     )
 
 
-@pytest.mark.parametrize("other", [2.0, 2.6, 4.0])
+@pytest.mark.parametrize("other", [2.0, 4.0])
 def test_an_interval_contains_the_other_value_that_does_as_well(other):
     """A ball that falls shows gravity alone, which two values of the unknown give it."""
     model = mujoco.MjModel.from_xml_string(

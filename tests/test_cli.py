@@ -557,6 +557,7 @@ def test_demo_writes_its_report_with_data(capsys, tmp_path):
 def test_demo_goes_on_without_data(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("DASHPOT_DATA", str(tmp_path))
     monkeypatch.setattr(demo, "_twin_section", lambda *_: demo.Section("Twin", []))
+    monkeypatch.setattr(demo, "PILE_SETTINGS", ("dashpot",))
     assert cli.main(["demo", "--out", "report"]) == 0
     report = Path("report/report.html").read_text(encoding="utf-8")
     assert "dashpot data cube-tosses" in report

@@ -62,10 +62,10 @@ def shift(system, value):
     system.model.body("pad").pos[0] = value
 
 
-def cart_into_foam(*, slope):
-    """Return a problem of three runs; speeds are left out, as they are computed from places."""
+def cart_into_foam(runs, *, slope):
+    """Return a problem of some runs; speeds are left out, as they are computed from places."""
     trajectories, origin = [], None
-    for run, (time, load, place) in enumerate(runs_into_foam(40, (1, 2, 3)), 1):
+    for run, (time, load, place) in zip(runs, runs_into_foam(40, runs), strict=True):
         seen = np.flatnonzero(~np.isnan(place))
         if origin is None:
             origin = np.interp(time[np.argmax(load)], time[seen], place[seen])
@@ -103,7 +103,7 @@ def cart_into_foam(*, slope):
 
 def test_a_load_cell_and_a_slope_tell_the_stiffness_of_foam_and_the_mass_of_its_cart():
     """Values are those of an independent fit of the equation of motion: 77.7 N/m and 0.525 kg."""
-    result = fit(cart_into_foam(slope=True), starts=0, max_evaluations=1500)
+    result = fit(cart_into_foam((1, 2, 3), slope=True), starts=0, max_evaluations=1500)
     assert result["stiffness"].value == pytest.approx(77.7, rel=0.02)
     assert result["mass"].value == pytest.approx(0.525, rel=0.02)
     for name, value in (("stiffness", 77.7), ("mass", 0.525)):
@@ -112,7 +112,7 @@ def test_a_load_cell_and_a_slope_tell_the_stiffness_of_foam_and_the_mass_of_its_
 
 
 def test_without_the_slope_the_motion_sensor_is_said_to_be_described_wrongly():
-    result = fit(cart_into_foam(slope=False), starts=0, max_evaluations=1500)
+    result = fit(cart_into_foam((1, 2), slope=False), starts=0, max_evaluations=1500)
     assert [misfit.channel for misfit in result.misfits] == ["place"]
     for name in ("stiffness", "mass"):
         assert result[name].grade != "identified"
@@ -165,12 +165,11 @@ def bounces(ball, *, throws, radius, mass, guess, density=0.0):
 
 
 @pytest.mark.parametrize(
-    ("ball", "throws", "radius", "mass", "restitution"),
-    [("tennis", 4, 0.033, 0.058, 0.761), ("golf", 4, 0.0213, 0.0459, 0.896)],
+    ("ball", "radius", "mass", "restitution"), [("tennis", 0.033, 0.058, 0.761)]
 )
-def test_sounds_alone_tell_restitution(ball, throws, radius, mass, restitution):
+def test_sounds_alone_tell_restitution(ball, radius, mass, restitution):
     """Without drag it is the ratio of successive intervals."""
-    problem = bounces(ball, throws=throws, radius=radius, mass=mass, guess=0.8)
+    problem = bounces(ball, throws=4, radius=radius, mass=mass, guess=0.8)
     estimate = fit(problem, starts=0)["restitution"]
     assert estimate.value == pytest.approx(restitution, abs=0.005)
     assert estimate.identified
