@@ -34,12 +34,11 @@ def cell(work=CYLINDER, *, tool=None, stiffness=2e4, imbalance=1e-3, **options):
 
 
 @functools.cache
-def ball_on_cylinder(timestep=0.002):
-    """Return the cell and its path of 0.39 m across the cylinder, with a tilted ball nose."""
+def ball_on_cylinder(timestep=0.002, share=1.0):
+    """Return the cell and a share of its path of 0.39 m, with a tilted ball nose."""
     made = cell(timestep=timestep)
-    return made, grinding.Path.on_surface(
-        made, grinding.line((-0.2, 0.45), (0.18, 0.55)), tilt=TILT
-    )
+    end = (-0.2 + 0.38 * share, 0.45 + 0.1 * share)
+    return made, grinding.Path.on_surface(made, grinding.line((-0.2, 0.45), end), tilt=TILT)
 
 
 def steady(path, *, force, stiffness, feed=(0.1, 0.2), ramp=0.08, hover=2e-4):

@@ -87,7 +87,7 @@ def test_mujoco_fitted_to_the_stiffness_at_rest_is_too_stiff_while_it_slides():
 
 
 @pytest.mark.parametrize("kind", ["position", "impedance", "force"])
-@pytest.mark.parametrize("spindle", [None, grinding.Spindle(2e4)])
+@pytest.mark.parametrize("spindle", [grinding.Spindle(2e4)])
 def test_each_control_holds_the_force_that_it_is_told(kind, spindle):
     made = cell(
         imbalance=0.0,

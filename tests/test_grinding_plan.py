@@ -11,11 +11,12 @@ from dashpot import grinding
 from grinding_scenes import PRESTON, TABLE, TILT, ball_on_cylinder, cell
 
 DEPTH = 50e-6
+SHARE = 0.5  # of the path, where no more is needed
 
 
 @functools.cache
-def planned(timestep=0.002):
-    made, path = ball_on_cylinder(timestep)
+def planned(timestep=0.002, share=1.0):
+    made, path = ball_on_cylinder(timestep, share)
     return grinding.plan(
         made, path, DEPTH, preston=PRESTON, max_force=90.0, feed=(0.05, 0.2), nthread=1
     )
@@ -33,7 +34,7 @@ def test_fifty_micrometres_come_off_evenly_and_fast():
 
 
 def test_a_plan_at_five_milliseconds_holds_at_a_quarter():
-    plan = planned(0.005)
+    plan = planned(0.005, SHARE)
     assert plan.met
     fine = plan.check(mujoco=False, nthread=1)["as planned, 0.25 ms"]
     assert fine.uniformity < 0.005
@@ -53,17 +54,17 @@ def test_depth_follows_from_force_and_speed():
 
 
 def test_the_same_plan_for_any_number_of_threads():
-    made, path = ball_on_cylinder(0.005)
+    made, path = ball_on_cylinder(0.005, SHARE)
     two = grinding.plan(
         made, path, DEPTH, preston=PRESTON, max_force=90.0, feed=(0.05, 0.2), nthread=2
     )
-    one = planned(0.005)
+    one = planned(0.005, SHARE)
     np.testing.assert_array_equal(one.passes[0].unknowns, two.passes[0].unknowns)
     np.testing.assert_array_equal(one.depth, two.depth)
 
 
 def test_a_warm_start_needs_fewer_passes():
-    plan = planned(0.005)
+    plan = planned(0.005, SHARE)
     softer = plan.cell.with_changes(stiffness=0.98 * plan.cell.stiffness)
     again = grinding.plan(
         softer,
@@ -80,19 +81,19 @@ def test_a_warm_start_needs_fewer_passes():
 
 def test_force_stays_below_its_bound_and_feed_gives_way():
     """At two thirds of the force the feed is two thirds, for the same depth."""
-    made, path = ball_on_cylinder(0.005)
+    made, path = ball_on_cylinder(0.005, SHARE)
     gentle = grinding.plan(
         made, path, DEPTH, preston=PRESTON, max_force=45.0, feed=(0.05, 0.2), nthread=1
     )
     assert gentle.met
     assert gentle.peak_force <= 45.0
-    assert gentle.duration > 1.2 * planned(0.005).duration
+    assert gentle.duration > 1.2 * planned(0.005, SHARE).duration
 
 
 def test_joints_stay_below_their_speed():
     arm = grinding.Arm.ur5e()
     slow = grinding.Arm(arm.file, arm.flange, arm.home, joint_speed=0.25)
-    made, path = ball_on_cylinder(0.005)
+    made, path = ball_on_cylinder(0.005, SHARE)
     made = made.with_changes(arm=slow)
     plan = grinding.plan(
         made, path, DEPTH, preston=PRESTON, max_force=90.0, feed=(0.02, 0.2), nthread=1
@@ -102,7 +103,7 @@ def test_joints_stay_below_their_speed():
 
     speeds = np.abs(Motion(made, path).joint_speeds(plan.passes[0].command))
     assert speeds.max() < 0.255
-    assert plan.duration > planned(0.005).duration
+    assert plan.duration > planned(0.005, SHARE).duration
 
 
 def test_a_table_ground_in_two_passes_shares_the_depth():

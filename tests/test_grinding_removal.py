@@ -141,7 +141,8 @@ def test_force_on_a_height_field_is_that_on_one_spring(curvature):
 
 def test_several_passes_take_prestons_volume_off_a_height_field():
     work = curved_field(0.3)
-    made = cell(work, imbalance=0.0, tool=grinding.BallNose(0.02, spin=47.0, footprint=0.006))
+    tool = grinding.BallNose(0.02, spin=47.0, footprint=0.006)
+    made = cell(work, imbalance=0.0, tool=tool, timestep=0.005)
     path = grinding.Path.on_surface(made, grinding.line((-0.03, 0.5007), (0.03, 0.5007)), tilt=TILT)
     plan = grinding.plan(made, path, 60e-6, preston=PRESTON, max_force=90.0, passes=2)
     assert plan.met
