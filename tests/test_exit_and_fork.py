@@ -20,7 +20,6 @@ BALLS = "".join(
 SCENE = f'<mujoco><worldbody><geom type="plane" size="5 5 .1"/>{BALLS}</worldbody></mujoco>'
 CALLS = {
     "one long step": "engine.step(data, 10**7)",
-    "steps": "[engine.step(data) for _ in range(10**7)]",
     "two threads on one engine": "[engine.step(other) for _ in range(10**7)]",
     "a rollout": "dashpot.rollout(engine, start[None].repeat(64, 0), nstep=5000, nthread=2)",
     "derivatives": "[dashpot.linearize(engine, data) for _ in range(1000)]",

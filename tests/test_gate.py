@@ -102,16 +102,6 @@ def test_a_worse_step_exceeds_what_stands():
     assert not verdict.passes
 
 
-@pytest.mark.skipif(shutil.which("valgrind") is None, reason="needs valgrind")
-def test_instructions_of_a_step_are_counted(monkeypatch):
-    """That counts repeat is what the gate's own limits of 3 % need."""
-    name = "differential drive"
-    monkeypatch.setattr(instructions, "ROBOTS", {name: ROBOTS[name]})
-    counts = {figure.case: figure.value for figure in instructions.figures()}
-    assert set(counts) == {"dashpot", "mj_step"}
-    assert all(1e4 < value < 1e7 for value in counts.values())
-
-
 def test_without_valgrind_the_gate_says_what_to_install(monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(SystemExit, match="apt-get install valgrind"):

@@ -23,7 +23,7 @@ def test_a_bouncing_ball_is_that_of_the_engine(timestep):
     assert worst < 1e-5
 
 
-@pytest.mark.parametrize("timestep", [0.002, 0.005, 0.010])
+@pytest.mark.parametrize("timestep", [0.002, 0.010])
 def test_nothing_creeps_on_a_slope(timestep):
     worlds = worlds_of(slope(), timestep, nconmax=8)
     worlds.step(round(1 / timestep))
@@ -32,7 +32,7 @@ def test_nothing_creeps_on_a_slope(timestep):
     assert np.linalg.norm(worlds.positions()[:3] - before) < 1e-9
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005, 0.010])
+@pytest.mark.parametrize("timestep", [0.002, 0.010])
 def test_a_sliding_box_stops_where_that_of_the_engine_does(timestep):
     scene = slide()
     worlds = worlds_of(scene, timestep, nconmax=8)
@@ -53,7 +53,7 @@ def test_ten_boxes_sag_as_springs_do():
     assert np.abs(sag - exact).max() < 2e-7
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 def test_a_rolling_ellipsoid_keeps_its_energy(timestep):
     """Frozen at the start of a step its contact would pump energy in proportion to the step."""
     body = free_body(
@@ -77,7 +77,7 @@ def test_a_pile_of_eight_comes_to_rest_with_little_overlap():
     worlds = Worlds(model, nconmax=64)
     data = mujoco.MjData(model)
     overlaps = []
-    for _ in range(200):
+    for _ in range(100):
         worlds.step(10)
         data.qpos[:] = worlds.qpos
         mujoco.mj_kinematics(model, data)

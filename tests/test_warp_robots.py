@@ -1,4 +1,4 @@
-"""Robots of dashpot.warp beside the engine: the first 0.1 s, and energy over a thousand steps."""
+"""Robots of dashpot.warp beside the engine: the first 0.1 s, and energy over 500 steps."""
 
 import importlib.util
 from pathlib import Path
@@ -48,7 +48,7 @@ def controls(model, share):
     rng = np.random.default_rng(0)
     limited = model.actuator_ctrllimited.astype(bool)
     low, high = np.where(limited, model.actuator_ctrlrange.T, [[-1.0], [1.0]])
-    for i in range(1000):
+    for i in range(500):
         if i % 20 == 0:
             ctrl = (share * rng.uniform(low, high)).astype(np.float32)
         yield ctrl
@@ -78,7 +78,7 @@ def test_an_arm_in_flight_moves_as_in_the_engine(share, tolerance):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_robot_is_as_near_to_the_converged_motion_as_in_the_engine(name):
-    """And a thousand steps on it has no more energy than its actuators gave."""
+    """And 500 steps on it has no more energy than its actuators gave."""
     model, start = robot(name)
     worlds = Worlds(model, start=start, nconmax=64)
     (engine, data), (fine, exact) = (engine_of(model, start, parts) for parts in (1, 16))
