@@ -124,8 +124,7 @@ def test_moments_are_those_of_mujoco():
 
 
 @pytest.mark.parametrize("timestep", TIMESTEPS)
-@pytest.mark.parametrize("gap", [0.0, 0.001])
-@pytest.mark.parametrize("stiffness", [None, 1e5])
+@pytest.mark.parametrize(("gap", "stiffness"), [(0.0, 1e5), (0.001, None)])
 @pytest.mark.parametrize("offset", [0.0, 0.003])
 def test_what_hangs_from_a_round_cup_is_at_rest(timestep, gap, stiffness, offset):
     """The pull acts amid the points of the rim that bear it: it makes no torque about them."""

@@ -50,8 +50,14 @@ def model_of(kind, solref, solimp, dt=0.002):
     return mujoco.MjModel.from_xml_string(xml.format(own=own, limit=limit))
 
 
-@pytest.mark.parametrize(("solref", "solimp"), IMPEDANCES)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("kind", "solref", "solimp"),
+    [
+        (kind, *impedance)
+        for kind in KINDS
+        for impedance in (IMPEDANCES if kind == "joint equality" else IMPEDANCES[::2])
+    ],
+)
 def test_constraint_gives_way_as_far_as_in_mujoco_over_three_decades_of_load(kind, solref, solimp):
     engine = Engine(model_of(kind, solref, solimp))
     for load in (0.01, 0.3, 10.0):
@@ -95,8 +101,8 @@ def test_undamped_backlash_swings_as_its_force_says(kind):
 
 
 @pytest.mark.parametrize(("solref", "solimp"), IMPEDANCES)
-@pytest.mark.parametrize("speed", [0.1, 1.0, 5.0])
-@pytest.mark.parametrize("kind", ["joint equality", "connect", "weld"])
+@pytest.mark.parametrize("speed", [0.1, 5.0])
+@pytest.mark.parametrize("kind", ["joint equality", "weld"])
 def test_backlash_gains_no_energy_where_steps_do_not_resolve_it(kind, speed, solref, solimp):
     # Without damping, from slow to more than the whole width in a step.
     stiffness = -solref[0] if solref[0] < 0.0 else 1.0 / (solref[0] * solref[1]) ** 2

@@ -1,6 +1,7 @@
 """A ball that bounces on a Kelvin-Voigt floor follows the exact piecewise solution at any step."""
 
 import functools
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -11,7 +12,7 @@ from exact import BouncingBall, damping_ratio_of, restitution_of
 from scenes import ball_drop
 from simulate import make_engine
 
-TIMESTEPS = (1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)
+TIMESTEPS = (1e-3, 2e-3, 1e-2)
 STIFFNESS, GRAVITY, RADIUS = 1e4, 9.81, 0.1
 
 
@@ -47,8 +48,9 @@ def test_the_reference_has_the_asked_restitution():
         )
 
 
-@pytest.mark.parametrize("timestep", TIMESTEPS)
-@pytest.mark.parametrize("restitution", [1.0, 0.9, 0.5])
+@pytest.mark.parametrize(
+    ("restitution", "timestep"), [*product((1.0, 0.9, 0.5), TIMESTEPS), (0.9, 1e-4)]
+)
 def test_first_ten_apices(restitution, timestep):
     engine, data = drop(restitution, timestep)
     apices = first_apices(restitution)

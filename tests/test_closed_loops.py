@@ -42,8 +42,7 @@ def engine_of(
     return engine, engine.make_data()
 
 
-@pytest.mark.parametrize("kick", [1e-3, 1.0])
-@pytest.mark.parametrize("down", [False, True])
+@pytest.mark.parametrize(("kick", "down"), [(1e-3, False), (1.0, True)])
 @pytest.mark.parametrize("joint", ['axis="0 1 0"', 'type="ball"'])
 @pytest.mark.parametrize("timestep", TIMESTEPS)
 def test_a_straight_chain_gains_no_energy(joint, down, kick, timestep):
@@ -146,9 +145,16 @@ class FourBar:
         return float(angle)
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicit"])
-@pytest.mark.parametrize("span", [0.4, 0.55, 0.59])
-@pytest.mark.parametrize("timestep", [0.001, 0.002])
+@pytest.mark.parametrize(
+    ("span", "timestep", "integrator"),
+    [
+        (0.4, 0.002, "Euler"),
+        (0.55, 0.002, "Euler"),
+        (0.59, 0.001, "Euler"),
+        (0.59, 0.002, "Euler"),
+        (0.59, 0.002, "implicit"),
+    ],
+)
 def test_a_four_bar_swings_as_its_one_degree_of_freedom(span, timestep, integrator):
     """Links of 3 x 0.2 m; at a span of 0.59 m the loop is never far from straight."""
     bar = FourBar(span)
@@ -265,7 +271,7 @@ MECHANISMS = {
 }
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicit"])
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_mechanisms_that_equalities_hold_keep_their_energy(mechanism, integrator):
     bodies, equalities, velocity = MECHANISMS[mechanism]

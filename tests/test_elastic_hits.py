@@ -16,7 +16,7 @@ SHAPES = {
 }
 RIGID = dashpot.Material(restitution=1.0, friction=0.0)
 STIFF = dashpot.Material(1e7, restitution=1.0, friction=0.0)
-THROWS = 60
+THROWS = 24
 
 
 PLANE = '<geom type="plane" size="9 9 .1"/>'

@@ -58,8 +58,8 @@ def mechanical_energy(engine: dashpot.Engine, data: mujoco.MjData) -> float:
     return energy.kinetic + energy.potential
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
-@pytest.mark.parametrize("timestep", [0.002, 0.005, 0.01])
+@pytest.mark.parametrize("integrator", ["Euler", "implicit", "RK4"])
+@pytest.mark.parametrize("timestep", [0.002, 0.01])
 def test_a_robot_that_falls_on_its_light_hands_gains_no_energy(timestep, integrator):
     """Taken whole, the steps in which its wrists turn by 0.3 to 4 rad throw it about ever faster.
 

@@ -30,7 +30,7 @@ def carried(held_by: str, servo: bool, mass: float, integrator: str) -> dashpot.
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
-@pytest.mark.parametrize("turn", [0.1, 0.6, 1.2])
+@pytest.mark.parametrize("turn", [0.1, 1.2])
 @pytest.mark.parametrize("servo", [False, True], ids=["spring", "servo"])
 @pytest.mark.parametrize("held_by", HELD_BY)
 def test_an_undamped_oscillation_keeps_its_amplitude(held_by, servo, turn, integrator):

@@ -1,6 +1,5 @@
 """Boxes that lie flat on each other, tilted by a hair: points of their faces, and rest."""
 
-import itertools
 from itertools import combinations
 
 import mujoco
@@ -182,8 +181,7 @@ def twisted_tower(tilt):
 
 @pytest.mark.parametrize("material", [None, Material(1e6, damping_ratio=1.0)], ids=["rigid", "SI"])
 @pytest.mark.parametrize(
-    ("tilt", "timestep"),
-    [(1e-3, 0.001), *itertools.product((1e-4, 1e-3, 1e-2), (0.002, 0.010))],
+    ("tilt", "timestep"), [(1e-4, 0.010), (1e-3, 0.001), (1e-2, 0.002), (1e-2, 0.010)]
 )
 @pytest.mark.parametrize("pile", [crossed_planks, twisted_tower])
 def test_flat_boxes_come_to_rest_and_nothing_is_recovered_there(pile, tilt, timestep, material):

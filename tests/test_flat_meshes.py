@@ -1,7 +1,5 @@
 """Meshes that lie flat on planes, boxes and each other: points of their faces, and rest."""
 
-import itertools
-
 import mujoco
 import numpy as np
 import pytest
@@ -170,10 +168,13 @@ def rest(model, time, material=None):
     return (*rest_of(engine, data, time), engine, data)
 
 
-@pytest.mark.parametrize("material", [None, Material(1e6, damping_ratio=1.0)], ids=["rigid", "SI"])
 @pytest.mark.parametrize(
-    ("sides", "timestep"),
-    [(5, 0.001), *itertools.product((3, 4, 5, 6, 8, 16), (0.002, 0.005))],
+    ("sides", "timestep", "material"),
+    [
+        (5, 0.001, None),
+        *((sides, 0.005, None) for sides in (3, 4, 5, 6, 8, 16)),
+        *((sides, 0.002, Material(1e6, damping_ratio=1.0)) for sides in (3, 5, 8)),
+    ],
 )
 def test_stack_of_prisms_comes_to_rest_and_nothing_is_recovered_there(sides, timestep, material):
     fastest, recovered, engine, data = rest(stack(sides, timestep), 4.0, material)
@@ -229,12 +230,11 @@ def pile_of_prisms(seed, timestep):
     return scene(asset("prism", prism(6)), walls + bodies, timestep, option='ccd_tolerance="1e-9"')
 
 
-@pytest.mark.parametrize("timestep", [0.002, 0.005])
-def test_nothing_is_recovered_in_a_pile_of_prisms_that_has_settled(timestep):
+def test_nothing_is_recovered_in_a_pile_of_prisms_that_has_settled():
     # A body that leans on two points may swing out of its balance for seconds, as it should: 4 of
     # 120 piles have one. Where points of faces and edges come and go, bodies rattle on a hundredth
     # of a milliwatt at least.
-    rests = [rest(pile_of_prisms(seed, timestep), 6.0)[:2] for seed in range(1, 5)]
+    rests = [rest(pile_of_prisms(seed, 0.005), 6.0)[:2] for seed in range(1, 5)]
     still = [fastest < 0.1 and abs(recovered) < 1e-7 for fastest, recovered in rests]
     assert sum(still) >= 3
 

@@ -7,7 +7,7 @@ from flight import DRIVEN, TREES, conserved, flight
 from simulate import INTEGRATORS, Setting, measure
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicit"])
 @pytest.mark.parametrize("drive", DRIVEN)
 @pytest.mark.parametrize("tree", TREES)
 def test_flight_is_of_second_order(tree, drive, integrator):

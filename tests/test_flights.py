@@ -31,7 +31,7 @@ def throw(timestep, offset, start, *, material=None, impact="none"):
 
 
 @pytest.mark.parametrize("impact", ["none", "cut"])
-@pytest.mark.parametrize("timestep", [1e-3, 2e-3, 5e-3, 1e-2])
+@pytest.mark.parametrize("timestep", [1e-3, 1e-2])
 @pytest.mark.parametrize("clearance", [2e-4, 1e-3, 5e-3])
 def test_balls_that_pass_do_not_touch(clearance, timestep, impact):
     for start in np.linspace(-0.16, -0.2, 7):
@@ -108,7 +108,7 @@ def test_a_spinning_bar_touches_the_post_that_it_grazes(clearance, touches, time
 
 
 @pytest.mark.parametrize("timestep", [2e-3, 1e-2])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_bodies_of_any_shape_touch_where_they_meet_and_only_there(seed, timestep):
     flight, clearance = random_fly_by(seed)
     assert flight.is_disturbed(timestep) == (clearance < 0.0)

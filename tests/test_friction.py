@@ -34,7 +34,7 @@ def trials(draw, positive=False):
     return np.array(impulse), np.array([draw(limits) for _ in range(directions)]), draw(limits)
 
 
-every_trial = settings(max_examples=100, deadline=None)
+every_trial = settings(max_examples=40, deadline=None)
 
 
 def test_sliding_alone_is_coulomb():

@@ -60,8 +60,9 @@ CONTACTS = {
 
 
 @pytest.mark.parametrize("contact", CONTACTS)
-@pytest.mark.parametrize("condim", [3, 6])
-@pytest.mark.parametrize("throw", THROWS, ids=["tumbling", "oblique"])
+@pytest.mark.parametrize(
+    ("throw", "condim"), [*zip(THROWS, (3, 6), strict=True)], ids=["tumbling", "oblique"]
+)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_hit_is_the_same_in_every_heading(shape, throw, condim, contact):
     """Dampers that went by the inertia along each tangent left up to 0.4 m/s between headings."""

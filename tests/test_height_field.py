@@ -102,7 +102,7 @@ def test_polytopes_against_all_prisms(kind):
     solids = prisms(model, data)
     rng = np.random.default_rng(CONVEX.index(kind))
     deep = 0
-    for _ in range(25):
+    for _ in range(15):
         random_place(model, data, rng, kind)
         corners, radius = core(model, data, kind)
         nearest = min(convex_distance((corners[:, None] - p[None]).reshape(-1, 3)) for p in solids)

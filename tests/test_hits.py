@@ -11,7 +11,7 @@ from ends_of_steps import finish_velocity
 from exact import BouncingBall, damping_ratio_of
 from test_landings import peaks
 
-HITS = 20
+HITS = 8
 ROD = """<geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass=".5" contype="0"
   conaffinity="0"/>"""
 TIP = '<geom name="tip" pos=".3 0 0" size=".03" mass=".1" condim="1"/>'

@@ -239,7 +239,7 @@ def test_a_struck_body_hits_what_it_had_been_proven_apart_from(seed):
     assert abs(data.qvel[2]) > 1.0  # it was struck
 
 
-@pytest.mark.parametrize("seed", [0, 2, 15])
+@pytest.mark.parametrize("seed", [0, 15])
 def test_rigid_bounces_are_the_limit_of_stiff_springs(seed):
     """The limit of k to infinity with the same restitution and friction, at 5 ms."""
     bounce = random_bounce(seed)

@@ -50,7 +50,7 @@ def contacts(draw_value):
     )
 
 
-every_contact = settings(max_examples=60, deadline=None)
+every_contact = settings(max_examples=30, deadline=None)
 
 
 @every_contact
@@ -191,7 +191,7 @@ def test_events_are_bounded(case):
 
 
 @given(contacts(), st.floats(0.0, 1.0))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_undamped_flow_runs_backwards(case, fraction):
     # Reversing time after an undamped flow returns to the start.
     k, _, w, g, u, b, time = case

@@ -158,9 +158,9 @@ def gliding_block(timestep: float) -> mujoco.MjModel:
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("stiffness", [None, 1e5])
-@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
 def test_a_block_that_is_shaken_as_it_glides_goes_where_its_velocity_takes_it(
     timestep, stiffness, seed
 ):

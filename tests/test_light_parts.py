@@ -92,7 +92,7 @@ def test_a_chain_of_thin_links_on_ball_joints_keeps_its_energy(timestep):
 
 
 @pytest.mark.parametrize("held", ["mimic", "limit", "nothing"])
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 def test_what_a_hand_holds_goes_with_it_whatever_else_holds_the_hand(timestep, held):
     """Fingers of a hand on a servoed slide press 10 N on a cube, over 0.5 m and to rest."""
     mimic = '<equality><joint joint1="f1" joint2="f2"/></equality>'

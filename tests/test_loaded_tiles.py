@@ -58,7 +58,7 @@ def slide(engine, *, way):
 
 
 @pytest.mark.parametrize("timestep", [0.002, 0.005])
-@pytest.mark.parametrize(("layers", "mass"), [(1, 0.5), (1, 2.0), (1, 20.0), (3, 0.5), (3, 2.0)])
+@pytest.mark.parametrize(("layers", "mass"), [(1, 0.5), (1, 20.0), (3, 2.0)])
 def test_a_box_slides_over_free_planks_as_over_a_floor(layers, mass, timestep):
     """A plank sinks by 5 to 50 um under the box: it caught at the next one, and shoved it."""
     engine = Engine(planks_and_box(timestep, mass, count=4, layers=layers))

@@ -17,7 +17,7 @@ import kelvin_voigt_reference
 from dashpot import Engine, _core, law
 from dashpot.materials import CombinationRules, Material
 
-every_material = settings(max_examples=300, deadline=None)
+every_material = settings(max_examples=100, deadline=None)
 
 # --- restitution ----------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dashpot import _core, law
 from dashpot.materials import CombinationRules, Material
 
-every_material = settings(max_examples=300, deadline=None)
+every_material = settings(max_examples=100, deadline=None)
 
 
 FIELDS = [

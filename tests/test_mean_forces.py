@@ -91,7 +91,7 @@ class Quadruped:
         return readings[:, 0].sum(), on_legs
 
 
-@pytest.mark.parametrize("timestep", [0.002, 0.004])
+@pytest.mark.parametrize("timestep", [0.004])
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_forces_on_a_squatting_robot_are_the_change_of_its_momentum(integrator, timestep):
     robot = Quadruped(timestep, integrator)
@@ -121,7 +121,7 @@ def test_forces_on_a_squatting_robot_are_the_change_of_its_momentum(integrator, 
     assert heaviest > 1.03 * robot.weight
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002])
+@pytest.mark.parametrize("timestep", [0.002])
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_forces_of_a_landing_add_up_to_the_momentum_that_they_take(integrator, timestep):
     robot = Quadruped(timestep, integrator)

@@ -61,7 +61,7 @@ def expected_velocity(angle: float, friction: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("impact", ["none", "cut"])
-@pytest.mark.parametrize("timestep", [0.0002, 0.0005, 0.001, 0.002, 0.005, 0.010])
+@pytest.mark.parametrize("timestep", [0.0005, 0.002, 0.010])
 @pytest.mark.parametrize(("angle", "friction"), [(60, 0.0), (45, 0.06), (30, 0.06)])
 def test_object_ball_leaves_along_the_line_of_centres(angle, friction, timestep, impact):
     """With the geometry of the step's start it was off by up to a quarter."""

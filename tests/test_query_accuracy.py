@@ -14,7 +14,7 @@ import time_of_impact
 
 @pytest.mark.parametrize(("kind1", "kind2"), query_accuracy.all_pairs())
 def test_distance_of_random_configurations(kind1, kind2):
-    count = 24
+    count = 12
     rng = np.random.default_rng(1)
     pair = query_accuracy.Pair(query_accuracy.make_model(), kind1, kind2, count, rng)
     results, _ = query_accuracy.measure(pair, count, rng, peers=())
@@ -26,7 +26,7 @@ def test_distance_of_random_configurations(kind1, kind2):
 
 @pytest.mark.parametrize("case", time_of_impact.CASES)
 def test_time_of_impact_of_random_motions(case):
-    count = 20
+    count = 12
     number, errors, _ = time_of_impact.measure(time_of_impact.CASES[case], count, seed=1)
     assert number["contacts"] >= 5
     assert (number["missed"], number["false"], number["late"]) == (0, 0, 0)

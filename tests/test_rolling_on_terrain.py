@@ -121,7 +121,7 @@ def test_ball_hits_a_slope_as_angular_momentum_about_the_point_hit_says(timestep
         assert after / before == pytest.approx(left, abs=0.05 * (1.0 - left))
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 @pytest.mark.parametrize("radius", [0.05, 0.01])
 def test_ball_in_a_bowl_loses_what_bends_take(radius, timestep):
     # A ball of 8 cells gained 4 % at 2 ms, one of 1.6 cells lost 0.7: it hit edges in grooves.
@@ -173,8 +173,7 @@ def test_ball_in_a_bowl_never_gains(cells):
     assert energy[-1] / energy[5] == pytest.approx(end / half, abs=0.1 * (1.0 - end / half))
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.005])
-@pytest.mark.parametrize("stiffness", [1e4, 1e5])
+@pytest.mark.parametrize(("stiffness", "timestep"), [(1e4, 0.005), (1e5, 0.001)])
 def test_soft_ball_rolls_in_a_fine_bowl_as_in_a_smooth_one(stiffness, timestep):
     # It sinks in by 1 and 0.1 mm, and touches several of the facets: with a spring for each it
     # lost up to all of its energy in 4 s, and gained some.

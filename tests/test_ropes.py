@@ -43,22 +43,25 @@ def velocity_of_centre(model, data):
     return data.subtree_linvel[model.body("link0").id].copy()
 
 
-@pytest.mark.parametrize(("links", "timestep"), [(24, 0.002), (24, 0.005), (12, 0.005)])
-@pytest.mark.parametrize("joints", [BALL, HINGES], ids=["ball", "hinges"])
 @pytest.mark.parametrize(
-    ("integrator", "material"),
-    [("Euler", None), ("Euler", Material(1e5))],
-    ids=["Euler", "Euler, soft"],
+    ("joints", "links", "timestep", "stiffness"),
+    [
+        (BALL, 24, 0.002, None),
+        (BALL, 24, 0.005, 1e5),
+        (BALL, 12, 0.005, None),
+        (HINGES, 24, 0.005, None),
+        (HINGES, 12, 0.005, 1e5),
+    ],
 )
-def test_a_rope_coasts_on_a_floor_without_friction(integrator, material, joints, links, timestep):
+def test_a_rope_coasts_on_a_floor_without_friction(joints, links, timestep, stiffness):
     """Gravity of the start beside contacts of the middle turned its links: it whirled and stopped.
 
     24 links of ball joints at 2 ms, 12 at 5 ms, and half as many of hinges.
     """
-    engine = Engine(rope(links, timestep, joints=joints, integrator=integrator))
-    if material:
+    engine = Engine(rope(links, timestep, joints=joints))
+    if stiffness:
         for geom in range(engine.model.ngeom):
-            engine.set_material(geom, material)
+            engine.set_material(geom, Material(stiffness))
     data = engine.make_data()
     data.qvel[0] = 1.0
     engine.step(data, nstep=10)
@@ -70,8 +73,7 @@ def test_a_rope_coasts_on_a_floor_without_friction(integrator, material, joints,
     assert np.abs(data.qvel[6:]).max() < 1e-4
 
 
-@pytest.mark.parametrize("timestep", [0.002, 0.005])
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+@pytest.mark.parametrize(("integrator", "timestep"), [("Euler", 0.002), ("implicitfast", 0.005)])
 def test_a_rope_that_is_thrown_along_itself_slides_as_far_as_a_block(integrator, timestep):
     friction, speed = 0.3, 2.0
     engine = Engine(rope(24, timestep, friction=friction, integrator=integrator))
@@ -87,8 +89,10 @@ def test_a_rope_that_is_thrown_along_itself_slides_as_far_as_a_block(integrator,
     assert data.subtree_com[1, 0] - start == pytest.approx(way, abs=1e-4 + GRAVITY * timestep**2)
 
 
-@pytest.mark.parametrize(("links", "timestep"), [(24, 0.002), (24, 0.005), (12, 0.005)])
-@pytest.mark.parametrize("towed", ["connect", "weld"])
+@pytest.mark.parametrize(
+    ("towed", "links", "timestep"),
+    [("connect", 24, 0.002), ("weld", 24, 0.005), ("connect", 12, 0.005)],
+)
 def test_a_rope_follows_what_tows_it(towed, links, timestep):
     """It whirled at 20 rad/s and pushed the carriage, from 2 ms on with 24 links."""
     friction = 0.3
@@ -109,11 +113,10 @@ def test_a_rope_follows_what_tows_it(towed, links, timestep):
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.002])
-@pytest.mark.parametrize("seed", range(2))
-def test_a_rope_that_falls_limp_has_no_more_energy_than_before(seed, timestep):
+def test_a_rope_that_falls_limp_has_no_more_energy_than_before(timestep):
     """A little armature about the axes of its links, as such ropes need in MuJoCo."""
     links, armature, damping = 20, 1e-6, 1e-4
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     bodies = ""
     for i in range(links):
         joint = f'<joint type="ball" damping="{damping}" armature="{armature}"/>'

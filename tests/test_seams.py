@@ -50,8 +50,8 @@ def slide(
     return np.array(velocities), np.array(rises), data
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
-@pytest.mark.parametrize("speed", [1.5, 3.0])
+@pytest.mark.parametrize("timestep", [0.001, 0.005])
+@pytest.mark.parametrize("speed", [3.0])
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("impact", ["none", "cut"])
 def test_body_slides_over_the_seam_of_two_tiles(shape, speed, timestep, impact):

@@ -105,7 +105,7 @@ def test_nor_with_the_integrators_that_flexes_without_elasticity_have(scene, int
         assert mechanical(engine, data) <= start * (1.0 + 2e-4)
 
 
-@pytest.mark.parametrize("young", [2e4, 5e4, 5e5])
+@pytest.mark.parametrize("young", [2e4, 5e5])
 def test_a_soft_cube_gives_way_by_hookes_law(young):
     """A plate of 0.5 kg on 0.3 kg of 9 cm, on the floor and under the plate by its radius.
 

@@ -79,7 +79,7 @@ def fit(times: np.ndarray, lengths: np.ndarray) -> tuple[float, float]:
     return best[1:]
 
 
-@pytest.mark.parametrize(("timestep", "loss"), [(0.001, 0.002), (0.002, 0.005), (0.005, 0.015)])
+@pytest.mark.parametrize(("timestep", "loss"), [(0.002, 0.005), (0.005, 0.015)])
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("held_by", LEGS)
 def test_a_body_bobs_on_its_spring_without_gain_or_loss(held_by, integrator, timestep, loss):

@@ -60,8 +60,8 @@ class Told:
 
 
 @pytest.mark.parametrize("mocap", MOVES)
-@pytest.mark.parametrize("every", [1, 5, 10])
-@pytest.mark.parametrize("speed", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("every", [1, 10])
+@pytest.mark.parametrize("speed", [0.1, 1.0])
 def test_a_pusher_is_seen_where_it_pushes(speed, every, mocap):
     # 40 ms behind what is told it would be seen 19.5 mm inside at 0.5 m/s.
     told = Told(mocap, **PUSHER)
@@ -75,7 +75,7 @@ def test_a_pusher_is_seen_where_it_pushes(speed, every, mocap):
 
 @pytest.mark.parametrize("mocap", MOVES)
 @pytest.mark.parametrize("every", [1, 10])
-@pytest.mark.parametrize("speed", [0.05, 0.15, 0.3])
+@pytest.mark.parametrize("speed", [0.05, 0.3])
 def test_a_lift_carries_what_stands_on_it(speed, every, mocap):
     told = Told(mocap, **LIFT)
     start = told.engine.energy(told.data).total
