@@ -80,7 +80,7 @@ def test_functions_of_the_users_own_read_sensors_and_pixels_of_a_film():
     assert max(seen) < 1e-9
 
 
-@pytest.mark.parametrize("slower", [-0.008, 0.01])
+@pytest.mark.parametrize("slower", [0.01])
 def test_how_fast_a_film_runs_is_told_by_an_encoder_and_functions_get_its_times(slower):
     clock = 0.0013 + np.arange(90) / 80.0
 

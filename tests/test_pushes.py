@@ -72,7 +72,7 @@ def pushed(
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("kind", ["xfrc_applied", "qfrc_applied", "motor"])
 @pytest.mark.parametrize("scene", MODELS)
-@pytest.mark.parametrize("steps", [1, 5, 10, 50])
+@pytest.mark.parametrize("steps", [1, 50])
 def test_a_push_from_rest_gives_force_times_time(
     steps: int, scene: str, kind: str, integrator: str
 ) -> None:

@@ -37,7 +37,7 @@ def ball_on(support, ball, timestep, impact):
 PAIRS = [pair for pair in itertools.product(SUPPORTS, BALLS) if pair != ("cylinder", "ellipsoid")]
 
 
-@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.005])
+@pytest.mark.parametrize("timestep", [0.001, 0.005])
 @pytest.mark.parametrize(("support", "ball"), PAIRS)
 def test_ball_slides_off_under_the_force_that_its_path_needs(support, ball, timestep):
     engine = ball_on(support, ball, timestep, "none")

@@ -32,7 +32,7 @@ def string(body: str, held: str, integrator: str, dt: float) -> dashpot.Engine:
     )
 
 
-@pytest.mark.parametrize("dt", [0.001, 0.002, 0.005, 0.01])
+@pytest.mark.parametrize("dt", [0.002, 0.01])
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 @pytest.mark.parametrize("held", HELD)
 @pytest.mark.parametrize("body", JOINTS)
