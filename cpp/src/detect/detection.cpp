@@ -3,14 +3,12 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 
 #include "dashpot/detect/joint_gaps.hpp"
 #include "dashpot/model/constraints.hpp"
 #include "dashpot/model/contacts.hpp"
 #include "dashpot/model/errors.hpp"
-#include "dashpot/model/properties.hpp"
 #include "dashpot/model/sleep.hpp"
 #include "dashpot/model/velocities.hpp"
 

@@ -8,9 +8,7 @@
 #include "dashpot/geometry/face_manifold.hpp"
 #include "dashpot/geometry/shape.hpp"
 #include "dashpot/geometry/terrain.hpp"
-
-struct mjModel_;
-struct mjData_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 

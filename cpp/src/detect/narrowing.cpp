@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/detect/collisions.hpp"
-#include "dashpot/detect/reach.hpp"
 #include "dashpot/geometry/slots_by_pair.hpp"
 
 namespace dashpot::host {

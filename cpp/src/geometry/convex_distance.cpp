@@ -77,9 +77,8 @@ Vector3d nearest_point(Simplex& simplex) {
   for (int subset = 1; subset < (1 << simplex.size); ++subset) {
     std::array<int, 4> index{};
     int count = 0;
-    for (int i = 0; i < simplex.size; ++i) {
+    for (int i = 0; i < simplex.size; ++i)
       if (subset & (1 << i)) index[count++] = i;
-    }
     std::array<double, 4> weight{};
     if (!affine_weights(simplex, index.data(), count, weight.data())) continue;
     Vector3d point = Vector3d::Zero();
@@ -178,9 +177,8 @@ Distance refine_distance(const Shape& shape1, const Pose& pose1, const Shape& sh
     const Vector3d turned = apart->normal;
     const double raised = height(turned).difference.dot(turned);
     const bool settled = (turned - centre).norm() <= kSettled;
-    if (round == 0 || raised >= lower - kStall * size) {
+    if (round == 0 || raised >= lower - kStall * size)
       best = {raised, apart->point1, apart->point2 - shift * centre, turned};
-    }
     if (shift == 0.0 || settled) break;
     if (raised < lower) {  // the momentum overshot, or rounding is all that is left
       if (momentum == 0) break;

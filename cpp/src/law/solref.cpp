@@ -96,9 +96,8 @@ std::array<double, 2> solref_to_spring(double ref0, double ref1, double impedanc
       const double rate = 1.0 / (impedance_width * ref0);
       return {rate / ref1 * (rate / ref1), 2.0 * rate};
     }
-    if (ref0 <= 0.0 && ref1 <= 0.0) {
+    if (ref0 <= 0.0 && ref1 <= 0.0)
       return {-ref0 / (impedance_width * impedance_width), -ref1 / impedance_width};
-    }
   }
   throw std::invalid_argument(
       "solref must be two positive numbers (timeconst, dampratio) or two that are not positive "

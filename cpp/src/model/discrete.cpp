@@ -6,7 +6,6 @@
 #include <stdexcept>
 
 #include "dashpot/model/errors.hpp"
-#include "dashpot/model/trees.hpp"
 
 // Exported by MuJoCo's library though not declared in its public headers: the metric of
 // `discrete`, which flexes it has as a sparse matrix, and products of a vector with the stiffness

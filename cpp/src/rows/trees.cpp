@@ -6,7 +6,6 @@
 #include "dashpot/lanes/instruction_sets.hpp"
 #include "dashpot/lanes/lane_blocks.hpp"
 #include "dashpot/lanes/lanes.hpp"
-#include "dashpot/rows/trees.hpp"
 
 namespace dashpot {
 

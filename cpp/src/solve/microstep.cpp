@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include "dashpot/solve/lane_flow.hpp"
 #include "island_blocks.hpp"

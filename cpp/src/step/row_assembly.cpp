@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/lanes/lanes.hpp"
 #include "dashpot/lanes/prefetch.hpp"
 #include "dashpot/model/jacobians.hpp"
 #include "dashpot/model/properties.hpp"

@@ -21,9 +21,7 @@
 
 #pragma once
 
-struct mjModel_;
-struct mjData_;
-struct mjPreContact_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 
@@ -35,6 +33,13 @@ class Narrowing;
 // points where there are buffers for them; what MuJoCo has no room for waits there.
 class ReplacedCollisions {
  public:
+  // The model whose collisions are replaced, and with what.
+  struct Of {
+    mjModel_* model = nullptr;
+    FaceBuffers* faces = nullptr;
+    Narrowing* narrowing = nullptr;
+  };
+
   ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing);
   ~ReplacedCollisions();
   ReplacedCollisions(const ReplacedCollisions&) = delete;
@@ -44,9 +49,7 @@ class ReplacedCollisions {
   mjModel_* model_;
   int flags_;  // its own: an error of MuJoCo leaves what is changed for one pair
   double tolerance_;
-  mjModel_* outer_;  // a callback of collision may step another model
-  FaceBuffers* outer_faces_;
-  Narrowing* outer_narrowing_;
+  Of outer_;  // a callback of collision may step another model
 };
 
 // Distance (m) of two convex geoms, or `most` where it is that or more; while collisions are

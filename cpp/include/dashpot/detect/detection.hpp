@@ -15,9 +15,6 @@
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/threads/team.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 // MuJoCo's rows of contacts, which its force queries read: none, left out where the memory of the

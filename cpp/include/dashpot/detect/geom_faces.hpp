@@ -12,9 +12,7 @@
 #include "dashpot/geometry/flat_faces.hpp"
 #include "dashpot/geometry/hull.hpp"
 #include "dashpot/geometry/shallow_cap.hpp"
-
-struct mjModel_;
-struct mjData_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 

@@ -4,11 +4,8 @@
 
 #include <vector>
 
-#include "dashpot/geometry/closest.hpp"
-#include "dashpot/geometry/shape.hpp"
-
-struct mjModel_;
-struct mjData_;
+#include "dashpot/geometry/query.hpp"
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot {
 

@@ -7,10 +7,6 @@
 
 #include "dashpot/detect/collisions.hpp"
 
-struct mjModel_;
-struct mjData_;
-struct mjContact_;
-
 namespace dashpot::host {
 
 class Narrowing;

@@ -43,14 +43,12 @@
 
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
 #include "dashpot/threads/team.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 

@@ -1,9 +1,10 @@
-// Contact queries between two shapes: signed distance, and time of impact along a motion.
+// Contact queries: signed distance and time of impact of two shapes, and close pairs among many.
 // Free functions without state: safe from any number of threads.
 
 #pragma once
 
 #include <stdexcept>
+#include <vector>
 
 #include "dashpot/geometry/convex_distance.hpp"
 #include "dashpot/geometry/shape.hpp"
@@ -28,6 +29,24 @@ double gap_along(const Shape& shape1, const Pose& pose1, const Shape& shape2, co
 // are.
 bool are_farther_apart(const Shape& shape1, const Pose& pose1, const Shape& shape2,
                        const Pose& pose2, double clearance);
+
+struct PlacedShape {
+  Shape shape;
+  Pose pose;
+  int geom = 0;             // id that the answer names it by
+  int group = 0;            // shapes of one group are fixed to each other and never a pair
+  bool of_interest = true;  // at least one of a pair must be
+};
+
+struct ClosePair {
+  int geom1 = 0, geom2 = 0;  // in the order of the placed shapes
+  Distance distance;
+};
+
+// All pairs of different groups no further apart than `radius` (m, >= 0), nearest first;
+// overlapping pairs come before all others. Pairs of planes and pairs of height
+// fields are left out.
+std::vector<ClosePair> closest_pairs(const std::vector<PlacedShape>& shapes, double radius);
 
 // Gap that counts as contact, relative to the size of the bounded shapes of a pair.
 constexpr double kTouchingGap = 1e-9;

@@ -31,8 +31,6 @@
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/step_view.hpp"
 
-struct mjData_;
-
 namespace dashpot {
 
 inline constexpr int kMaxCuts = 96;

@@ -37,11 +37,9 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 

@@ -22,11 +22,9 @@
 
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/trees.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 

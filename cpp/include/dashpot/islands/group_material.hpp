@@ -7,9 +7,8 @@
 
 #include "dashpot/law/material.hpp"
 #include "dashpot/law/parameters.hpp"
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
-
-struct mjModel_;
 
 namespace dashpot {
 

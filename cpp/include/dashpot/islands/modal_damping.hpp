@@ -24,7 +24,6 @@
 #include <vector>
 
 #include "dashpot/islands/group_material.hpp"
-#include "dashpot/lanes/aligned.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 

@@ -6,10 +6,8 @@
 
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/memory.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 

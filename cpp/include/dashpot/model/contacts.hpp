@@ -5,11 +5,8 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
-
-struct mjModel_;
-struct mjData_;
-struct mjContact_;
 
 namespace dashpot::host {
 

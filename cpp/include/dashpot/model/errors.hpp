@@ -12,9 +12,7 @@
 #include <stdexcept>
 #include <string>
 
-struct mjModel_;
-struct mjData_;
-struct mjLogMessage_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 

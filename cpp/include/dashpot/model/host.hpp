@@ -8,10 +8,8 @@
 #include <functional>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 

@@ -7,10 +7,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/memory.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 

@@ -6,10 +6,8 @@
 #include <vector>
 
 #include "dashpot/geometry/query.hpp"
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/threads/parallel.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 

@@ -14,9 +14,7 @@
 #include <memory>
 
 #include "dashpot/law/parameters.hpp"
-
-struct mjModel_;
-struct mjData_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot {
 
