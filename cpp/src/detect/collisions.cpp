@@ -15,8 +15,7 @@
 #include "face_contacts.hpp"
 #include "terrain.hpp"
 
-// Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
-// any two convex geoms.
+// Exported by MuJoCo though not in its public headers: the collision of any two convex geoms.
 extern "C" int mjc_Convex(const mjModel* m, mjData* d, mjPreContact* con, int g1, int g2,
                           mjtNum margin);
 
@@ -35,8 +34,7 @@ constexpr double kSearchToleranceOfCapsule = 1e-4;
 constexpr double kTwins =
     1e-9;  // fraction of the radius between two points that are one but for rounding
 
-// Tilt (rad) below which a cylinder stands flat on a plane. MuJoCo's distances are good to 1e-9
-// radii above it.
+// Tilt (rad) of a cylinder flat on a plane. Above it MuJoCo's distances are good to 1e-9 radii.
 constexpr double kFlatTilt = 1e-6;
 // Sine of the angle between the axis of a capsule and the normal of a plane from which on the axis
 // gives a tangent, square to the normal within rounding.

@@ -14,8 +14,7 @@ namespace dashpot::host {
 
 struct FaceBuffers;
 
-// The round surfaces with which geoms touch terrain: a ball's, an ellipsoid's, those of the ends of
-// a capsule.
+// The round surfaces with which geoms touch terrain: a ball's, an ellipsoid's, a capsule's ends.
 class RoundSurfaces {
  public:
   RoundSurfaces(const mjModel_* m, int geom);

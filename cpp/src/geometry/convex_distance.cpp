@@ -14,8 +14,7 @@ namespace {
 // Half as many rounds find distances of 60,000 random pairs of decimetres to 1e-12 m.
 constexpr int kMaxGjkRounds = 128;
 // Relative to the size of the pair: what rounding leaves of a distance, and the clearance at which
-// overlapping cores are compared, large enough for the direction between closest points to be
-// good to 1e-12 rad.
+// overlapping cores are compared, large enough for directions to be good to 1e-12 rad.
 constexpr double kRoundingOfDistance = 1e-15;
 constexpr double kMargin = 1e-3;
 constexpr double kStall = 1e-10;    // relative to the size: gap between the bounds of stalled GJK

@@ -69,8 +69,7 @@ class Directions {
 
  private:
   static constexpr int kKept = 8;
-  // rad, up to which directions are the same: they prove distances that differ by a thousandth of
-  // the sizes at most.
+  // rad, up to which directions are the same: their distances differ by a thousandth of the sizes.
   static constexpr double kSame = 1e-3;
   Lowest lowest_of_;
   std::array<Vector3d, kKept> normal_;

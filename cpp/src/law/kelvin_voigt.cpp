@@ -69,8 +69,7 @@ bool holds(const ContactPhase& c, const Propagator& e, double t, double force_at
   const double sum = c.f0 + force_at_end;
   if (sum * sum * square_frequency >= t * t * (c.f1 * c.f1 * square_frequency + f2 * f2))
     return true;
-  // Within half a period f' has at most one zero: only a fall followed by a rise has a minimum
-  // between the ends.
+  // Within half a period f' has one zero at most: only a fall, then a rise has a minimum between.
   if (square_frequency * t * t >= kPi * kPi) return false;
   return c.f1 >= 0.0 || c.force_rate(e) <= 0.0;
 }
@@ -200,8 +199,7 @@ struct Passage {
     return static_cast<int>(std::min(1e9, 3.0 * (712.0 + 0.5 * std::sqrt(square) * time)));
   }
 
-  // In contact, until it is released; true at the end of the interval. `given`: propagate() over
-  // all that remains.
+  // In contact, until released; true at the interval's end. `given`: propagate() over the rest.
   bool press(const Propagator* given) {
     flow.touched = true;
     const ContactPhase phase(contact, u, b, force);

@@ -38,8 +38,7 @@ double power_of(double base, double power) {
   return power == 2.0 ? base * base : std::pow(base, power);
 }
 
-// d at the deformation x where d^2 k x = (1 - d) load, by regula falsi (Illinois) inside the width,
-// where d changes.
+// d at the deformation x where d^2 k x = (1 - d) load, by regula falsi (Illinois) inside the width.
 double impedance_at_rest(const std::array<double, 5>& solimp, double stiffness, double load) {
   const double width = solimp[2];
   const auto excess = [&](double x) {

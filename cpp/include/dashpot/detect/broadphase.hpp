@@ -46,8 +46,7 @@ BoundingBox bounding_box(const mjModel_* m, const mjData_* d, int geom);
 // Height (m) of the lowest point of a box over a plane geom.
 double height_over_plane(const mjData_* d, int plane, const BoundingBox& box);
 
-// The widest gap (m) that a face of either box leaves, negative where none does: a lower bound on
-// the distance of what they bound.
+// The widest gap (m) that a face of either box leaves, negative for none: a bound on the distance.
 double boxes_apart(const BoundingBox& box1, const BoundingBox& box2);
 
 // A geom, and the distance (m) at which contact with it starts.

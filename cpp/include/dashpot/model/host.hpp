@@ -25,8 +25,7 @@ enum class Sensors { kForCallbacks, kStay };
 void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
                   const FindContacts& find_contacts);
 
-// Makes the sensors of positions and velocities anew where some of them look at contacts, which are
-// not those of detection any more.
+// Makes sensors of positions and velocities anew where some look at contacts, which changed.
 void make_contact_sensors(const mjModel_* m, mjData_* d);
 
 // Sets the generalized forces of rows (nv), qfrc_constraint, and qacc, which follows from them and

@@ -78,8 +78,7 @@ struct HeldMotion {
   double* displacement = nullptr;   // over the step, by degree of freedom
   double* potential = nullptr;      // p, by degree of freedom
   double* drive = nullptr;          // e, by degree of freedom
-  // What e had changed by since the step before but what servos have because joints move, by the
-  // same.
+  // Change of e since the step before without that of servos because joints move, by the same.
   double* commanded_change = nullptr;
   double* followed = nullptr;      // and of all such changes, what was followed
   double* acceleration = nullptr;  // a, by motion coordinate
@@ -104,8 +103,7 @@ struct RememberedMocap {
 };
 
 // Room that memory takes: positions, contacts that can be compressed at once, scalar constraints,
-// motion that rows may hold, and mocap bodies; and how many geoms and flexes there are to have
-// contacts.
+// motion that rows may hold, and mocap bodies; and how many geoms and flexes may have contacts.
 struct MemoryLayout {
   int positions = 0;  // nq
   int contacts = 0;
@@ -133,8 +131,7 @@ class Memory {
   double* position() const;
   int contact_count() const;
   RememberedContact contact(int index) const;
-  // Of that contact alone: its geoms, where it is in the frame of one of them (m), and the force
-  // (N) that it bore.
+  // Of that contact alone: its geoms, place in the frame of one (m), and the force (N) it bore.
   std::array<int, 2> geoms(int index) const;
   const double* position(int index, int side) const;
   double force(int index) const;
@@ -156,8 +153,7 @@ class Memory {
 
   // Forgets how a tree moved (`index`): it is at rest.
   void rest(const Tree& tree, int index);
-  // Forgets what rows of these store. Constraints keep that they had a stiffness: they are
-  // not switched on anew.
+  // Forgets what rows of these store, but not that constraints had a stiffness: these are not new.
   void forget(const MarkedRows& moved);
   // How many contacts sleep, and the energy (J) in the springs of all rows that do.
   int count(const MarkedRows& sleeping) const;

@@ -34,8 +34,7 @@
 
 namespace dashpot {
 
-// Fills the deformation and unstressed penetration of every row. With infinite `recovery_speed` the
-// spring takes the whole overlap.
+// Fills deformation and unstressed penetration, none of the latter with infinite `recovery_speed`.
 void recall(const StepView& step, const Rows& rows, double recovery_speed, RowData& data,
             Team& team);
 

@@ -1,5 +1,4 @@
-// One step, or part of one: where in it the present substep is, what its rows were made from, and
-// what is remembered of that.
+// A step, or part of one: where the present substep is in it, what its rows were made from, memory.
 
 #pragma once
 
