@@ -80,7 +80,7 @@ class PairHits {
   // Whether a contact is softer than micro-steps resolve. What is as stiff as they do is hit for as
   // long as they are, and acts where that begins.
   bool is_soft(const ContactInput& contact) const;
-  // What compresses (m) the spring of such a contact of round bodies hit in the last step; else 0.
+  // Compression (m) of such a contact of two round bodies that was hit in the last step; else 0.
   double compression(const ContactInput& contact) const;
   // When a contact's gap closes at its rate: 0 if closed, the step's length if not within it.
   double onset(const ContactInput& contact) const;

@@ -173,7 +173,7 @@ void Stepper::Impl::fall_asleep(mjData_* d, const host::MocapMotion& mocap) {
   if (!host::may_sleep(model)) return;
   const SolvedSubstep solved = solved_substep();
   const std::vector<int>& falling =
-      sleeping.find_falling(d, solved, plan.islands(), mocap, accounting.recovered());
+      sleeping.find_falling(d, solved, islands.all(), mocap, accounting.recovered());
   if (falling.empty()) return;
   Memory view = memory(d);
   accounting.lose_motion(d, solved, falling, view);

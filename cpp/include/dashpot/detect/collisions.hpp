@@ -6,7 +6,7 @@
 // Boxes, meshes and ends of cylinders that lie flat on each other, meshes on planes: of two faces
 // tilted by a hair MuJoCo finds one crossing of their edges in some steps, and of those of meshes
 // some of the points that they share, other ones from step to step. There contacts are all of these
-// (face_manifold.hpp), but not for the complementarity-free law, published with MuJoCo's.
+// (face_manifold.hpp), but not for the complementarity-free law, which has MuJoCo's.
 //
 // Shapes whose nearest points MuJoCo searches for, all but spheres, planes and the pairs of
 // capsules and boxes: a search ends with a tolerance on the distance, a micrometre unless a model

@@ -70,14 +70,12 @@ Motion geom_motion(const mjModel_* model, const mjData_* data, int geom);
 // Whether queries cover the type of a geom: all but signed distance fields.
 bool has_shape(const mjModel_* model, int geom);
 
-// How thick a geom is and how far it reaches, m: half its least width (a mesh: along its axes; a
-// plane: infinite), the radius of its core about its centre (a plane: 0), whether turning about its
-// z axis leaves it as it is, and whether its surface is curved everywhere.
+// How thick a geom is, how far it reaches, and how round it is.
 struct GeomBounds {
-  double half_width = 0.0;
-  double core_radius = 0.0;
-  bool is_revolution = false;
-  bool is_round = false;
+  double half_width = 0.0;     // m, of its least width (a mesh: along its axes; a plane: infinite)
+  double core_radius = 0.0;    // m, of its core about its centre (a plane: 0)
+  bool is_revolution = false;  // turning about its z axis leaves it as it is
+  bool is_round = false;       // its surface is curved everywhere, in one direction at least
 };
 GeomBounds geom_bounds(const mjModel_* model, int geom);
 

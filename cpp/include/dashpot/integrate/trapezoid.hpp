@@ -52,7 +52,6 @@
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 
@@ -85,8 +84,8 @@ class Trapezoid {
   void keep(const mjData_* d, const EndOfStep& end, const TreeMotion& motion, Memory& memory,
             EnergyLedger& ledger);
 
-  // Of this step: whether a tree has second halves, and what was added to velocities, by motion
-  // coordinate; null where nothing was.
+  // Of this step: whether a tree has a Verlet corrector, and what was added to velocities, by
+  // motion coordinate; null where nothing was.
   bool holds(int tree) const { return !first_.empty() && first_[tree] >= 0; }
   bool is_coupled_by_equalities(int tree) const {
     return holds(tree) && coupled_[first_[tree]].by_equalities;
@@ -146,7 +145,7 @@ class Trapezoid {
                  HeldMotion& now);
 
   const mjModel_* model_;
-  std::vector<int> first_;  // by tree, see coupled_energy.hpp; -1 where it has no second halves
+  std::vector<int> first_;  // by tree, see coupled_energy.hpp; -1 without a Verlet corrector
   HoldingRows holding_rows_;
   CommonTranslations translations_;
   DriveChanges drives_;

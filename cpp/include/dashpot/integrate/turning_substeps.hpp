@@ -32,8 +32,8 @@
 #include <vector>
 
 #include "dashpot/integrate/tree_motion.hpp"
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 

@@ -6,9 +6,9 @@
 
 #include "dashpot/islands/islands.hpp"
 #include "dashpot/rows/hit.hpp"
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 

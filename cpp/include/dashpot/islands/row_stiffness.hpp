@@ -76,8 +76,8 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& group, const GroupMaterial& giv
                      const RigidCoupling& coupling, const DeflectionTime& deflection_time,
                      const RigidMicrostep& microstep);
 
-// Longest micro-step (s) at which rows of a rigid group are stiff for a heavy body on a light one,
-// or for one that is driven against dry friction, and as damped as their restitution says at the
+// Longest micro-step (s) at which a rigid group is stiff enough for a heavy body on a light one, or
+// for one that is driven against dry friction, and as damped as its restitution says at the
 // stiffness that weights need. Rows of a model's own solref need not be stiffer than it says.
 double longest_rigid_microstep(const Rows& rows, const RowGroup& group, const GroupMaterial& given,
                                const RigidCoupling& coupling,

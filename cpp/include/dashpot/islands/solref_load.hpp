@@ -30,8 +30,8 @@
 #include <vector>
 
 #include "dashpot/islands/group_material.hpp"
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 

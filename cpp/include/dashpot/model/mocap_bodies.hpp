@@ -20,7 +20,7 @@ bool is_fixed(const mjModel_* m, int body);
 // body along that is fixed to it or hangs on it by joints; null for all others.
 const double* mocap_twist(const mjModel_* m, const mjData_* d, int body);
 // Whether a connect or weld holds something to a mocap body. What it pulls at may be unable to
-// follow, and a rigid row would tear at it: such rows are as soft as their solref, or its default.
+// follow, and a rigid row would tear at it: such rows are as soft as their solref, set or default.
 bool is_held_by_mocap(const mjModel_* m, int equality);
 // Whether an equality is a connect or weld of a mocap body, by its index among them, or of what is
 // fixed to it; and whether any active one is.

@@ -15,7 +15,7 @@
 // of rotation. T is 20 ms by default, MuJoCo's time constant, so that a weld that nothing loads
 // moves as MuJoCo's does. T = 0 has every body arrive at the end of the step.
 //
-// In a step its velocity is linear about the mean v_n, with a_n of mocap_bodies.hpp:
+// In a step its velocity is linear about the mean v_n, with the a_n of mocap_bodies.hpp.
 //
 // Contacts see a_n along the gap and of sliding, as an acceleration of their surfaces
 // (ContactInput::surface_acceleration) about v_n. Spin and rolling of contacts, equalities and

@@ -1,7 +1,7 @@
 // Memory carried from step to step in mjData's user data: the compression and the elastic
 // displacement of every compressed contact, the deformation of every limit, equality and
-// dry-friction row, the motion of mocap bodies, and the energy ledger.
-// recall.hpp has what rows take from it.
+// dry-friction row, the motion of mocap bodies, and the energy ledger. And a view of one step that
+// has it. recall.hpp has what rows take from it.
 
 #pragma once
 
@@ -183,6 +183,25 @@ class Memory {
   double* storage_;
   MemoryLayout layout_;
   double* contacts_;  // where contacts are stored
+};
+
+// What is left of a step, or how far an impact is ahead, counts as nothing below this share of it.
+constexpr double kSliverOfStep = 1e-9;
+
+struct StepClock {
+  double whole = 0.0;          // s, of the step
+  double length = 0.0;         // H, s, of the substep, which is the whole step if nothing cuts it
+  double row_turn_rate = 0.0;  // rad/s, of equalities in the substep before; 0 in the first
+  bool cut_short = false;      // the substep ends at an impact
+  int cuts = 0;                // at impacts, in the substeps before
+};
+
+struct StepView {
+  double length;  // s
+  const std::vector<ContactInput>& contacts;
+  const std::vector<ConstraintInput>& constraints;
+  Memory memory;                      // a view of what the last step left
+  const std::vector<Match>& matches;  // per group: what it has of contacts
 };
 
 }  // namespace dashpot

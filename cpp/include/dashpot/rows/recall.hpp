@@ -27,9 +27,9 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 #include "dashpot/threads/team.hpp"
 
 namespace dashpot {
