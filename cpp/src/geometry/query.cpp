@@ -99,13 +99,6 @@ Distance core_distance(const Shape& shape1, const Pose& pose1, const Shape& shap
 
 bool is_height_field(const Shape& shape) { return shape.type == ShapeType::kHeightField; }
 
-Distance field_distance(const HeightField& field, const Pose& field_pose, const Shape& shape,
-                        const Pose& pose) {
-  if (shape.type == ShapeType::kPlane)
-    return distance(height_field_hull(field), field_pose, shape, pose);
-  return height_field_distance(field, field_pose, shape, pose);
-}
-
 Eigen::AlignedBox3d bounding_box(const PlacedShape& placed, double reach) {
   if (!is_height_field(placed.shape))
     return inflated(bounding_box(placed.shape, placed.pose), reach);
@@ -123,7 +116,9 @@ Distance distance(const Shape& shape1, const Pose& pose1, const Shape& shape2, c
   if (is_height_field(shape1) && is_height_field(shape2))
     throw std::invalid_argument("two height fields: queries do not cover this pair");
   if (is_height_field(shape2)) return swapped(distance(shape2, pose2, shape1, pose1));
-  if (is_height_field(shape1)) return field_distance(shape1.field, pose1, shape2, pose2);
+  if (is_height_field(shape1) && shape2.type == ShapeType::kPlane)
+    return distance(height_field_hull(shape1.field), pose1, shape2, pose2);
+  if (is_height_field(shape1)) return height_field_distance(shape1.field, pose1, shape2, pose2);
   Distance result = core_distance(shape1, pose1, shape2, pose2);
   const double radius1 = sweep_radius(shape1), radius2 = sweep_radius(shape2);
   result.distance -= radius1 + radius2;

@@ -102,8 +102,8 @@ void Stepper::Impl::propagate_impacts(mjData_* d, host::MocapMotion& mocap) {
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, clock.length, false, data, team);
     do {
-      host::detect_again(model, d, motion.smooth_acceleration(), detection, contacts, constraints,
-                         team);
+      host::detect_rows(model, d, motion.smooth_acceleration(), detection, contacts, constraints,
+                        team);
       mocap.drive(constraints);
     } while (wake_reached(d, mocap));
     sleeping.leave_out(model, d, contacts, constraints);
