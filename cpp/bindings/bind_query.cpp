@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "dashpot/detect/geometry_host.hpp"
-#include "dashpot/geometry/closest.hpp"
 #include "dashpot/geometry/query.hpp"
 #include "dashpot/simulations/distances.hpp"
 #include "without_gil.hpp"

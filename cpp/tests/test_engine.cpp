@@ -20,7 +20,6 @@
 #include "checks.hpp"
 #include "compiled_scene.hpp"
 #include "dashpot/detect/geometry_host.hpp"
-#include "dashpot/geometry/closest.hpp"
 #include "dashpot/geometry/query.hpp"
 #include "dashpot/simulations/rollout.hpp"
 #include "dashpot/step/contacts.hpp"

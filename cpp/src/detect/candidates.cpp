@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "dashpot/detect/narrowing.hpp"
-#include "dashpot/detect/reach.hpp"
 #include "dashpot/lanes/prefetch.hpp"
 #include "dashpot/model/contacts.hpp"
 #include "dashpot/model/errors.hpp"
@@ -211,10 +210,9 @@ void CandidatePairs::gather_of_planes(const mjModel_* m, const mjData_* d,
   as_gathered_.clear();
   for (int plane : planes_) {
     as_gathered_.push_back({pose_of(d, plane), around(m, plane)});
-    for (int geom : bounded_) {
+    for (int geom : bounded_)
       if (height_over_plane(d, plane, box_of(rooms_[geom])) <= around(m, plane))
         add(m, d, plane, geom, buffers);
-    }
   }
 }
 

@@ -15,8 +15,7 @@
 #include "face_contacts.hpp"
 #include "terrain.hpp"
 
-// Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
-// any two convex geoms.
+// Exported by MuJoCo though not in its public headers: the collision of any two convex geoms.
 extern "C" int mjc_Convex(const mjModel* m, mjData* d, mjPreContact* con, int g1, int g2,
                           mjtNum margin);
 
@@ -35,16 +34,13 @@ constexpr double kSearchToleranceOfCapsule = 1e-4;
 constexpr double kTwins =
     1e-9;  // fraction of the radius between two points that are one but for rounding
 
-// Tilt (rad) below which a cylinder stands flat on a plane. MuJoCo's distances are good to 1e-9
-// radii above it.
+// Tilt (rad) of a cylinder flat on a plane. Above it MuJoCo's distances are good to 1e-9 radii.
 constexpr double kFlatTilt = 1e-6;
 // Sine of the angle between the axis of a capsule and the normal of a plane from which on the axis
 // gives a tangent, square to the normal within rounding.
 constexpr double kTangentOfAxis = 1e-6;
 
-thread_local mjModel* replaced = nullptr;  // the model whose collisions are
-thread_local FaceBuffers* face_buffers = nullptr;
-thread_local Narrowing* narrowing_now = nullptr;
+thread_local ReplacedCollisions::Of replaced;
 mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr,
              collide_capsule = nullptr;
 mjfCollision collide_whole[mjNGEOMTYPES][mjNGEOMTYPES] = {};  // replaced, but not narrowed
@@ -65,7 +61,7 @@ mjtNum half_width(const mjModel* m, int geom) {
 // their distance if its iterations last.
 template <typename Collide>
 int in_one_point(double tolerance, const Collide& collide) {
-  mjOption& option = replaced->opt;
+  mjOption& option = replaced.model->opt;
   const int flags = option.disableflags;
   const mjtNum own = option.ccd_tolerance;
   option.disableflags |= mjDSBL_MULTICCD;
@@ -106,7 +102,7 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
   const auto ask = [&] { return collide_pair(m, d, contact, geom1, geom2, margin); };
   const bool boxes = type1 == mjGEOM_BOX && type2 == mjGEOM_BOX;
   int count = 0;
-  if (!face_buffers || may_adhere(m, geom1, geom2)) {
+  if (!replaced.faces || may_adhere(m, geom1, geom2)) {
     count = ask();
   } else {
     count = are_nearest_points_searched(m, geom1, geom2)
@@ -115,10 +111,10 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
     if (type1 == mjGEOM_CAPSULE) count = without_twin(m, geom1, contact, count);
     if (count > 0) {
       const int of_faces =
-          take_points_of_faces(m, d, geom1, geom2, margin, *face_buffers, contact, count);
+          take_points_of_faces(m, d, geom1, geom2, margin, *replaced.faces, contact, count);
       if (of_faces > 0) return of_faces;
       if (has_round_side(type1))
-        return take_ends_of_sides(m, d, geom1, geom2, margin, *face_buffers, contact, count);
+        return take_ends_of_sides(m, d, geom1, geom2, margin, *replaced.faces, contact, count);
     }
   }
   if (!boxes || count > 0) return count;
@@ -128,7 +124,7 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
 
 int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
                    mjtNum margin) {
-  if (m != replaced)
+  if (m != replaced.model)
     return collide_now[m->geom_type[geom1]][m->geom_type[geom2]](m, d, contact, geom1, geom2,
                                                                  margin);
   mjPreContact found[mjMAXCONPAIR];
@@ -136,7 +132,7 @@ int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1
   const int room = std::min(count, mj_maxContact(m, geom1, geom2, 1));
   std::copy_n(found, room, contact);
   for (int i = room; i < count; ++i) {  // points of faces or sides, so there are buffers
-    SurplusContact& more = face_buffers->surplus.emplace_back();
+    SurplusContact& more = replaced.faces->surplus.emplace_back();
     more.geom = {geom1, geom2};
     more.distance = found[i].dist;
     mju_copy3(more.position.data(), found[i].pos);
@@ -152,7 +148,7 @@ int collide_ellipsoid(const mjModel* m, mjData* d, mjPreContact* contact, int ge
     return collide_now[m->geom_type[geom1]][m->geom_type[geom2]](m, d, contact, geom1, geom2,
                                                                  margin);
   };
-  if (m != replaced || !face_buffers) return collide();
+  if (m != replaced.model || !replaced.faces) return collide();
   const int count = in_one_point(search_tolerance(m, geom1, geom2), collide);
   if (count > 0) improve_ellipsoid_contact(m, d, geom1, geom2, *contact);
   return count;
@@ -162,8 +158,8 @@ int collide_on_terrain(const mjModel* m, mjData* d, mjPreContact* contact, int t
                        mjtNum margin) {
   const mjfCollision collide = collide_now[mjGEOM_HFIELD][m->geom_type[geom]];
   const int count = collide(m, d, contact, terrain, geom, margin);
-  if (m != replaced || !face_buffers || may_adhere(m, terrain, geom)) return count;
-  return take_points_on_terrain(m, d, terrain, geom, margin, *face_buffers, contact, count);
+  if (m != replaced.model || !replaced.faces || may_adhere(m, terrain, geom)) return count;
+  return take_points_on_terrain(m, d, terrain, geom, margin, *replaced.faces, contact, count);
 }
 
 // MuJoCo takes the lowest direction of the rim from the difference of nearly equal vectors. Of a
@@ -174,7 +170,7 @@ int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, in
                           int cylinder, mjtNum margin) {
   const Pose ground = unchecked_geom_pose(d, plane), pose = unchecked_geom_pose(d, cylinder);
   const Eigen::Vector3d normal = ground.rotation.col(2);
-  if (m != replaced || pose.rotation.col(2).cross(normal).norm() >= kFlatTilt)
+  if (m != replaced.model || pose.rotation.col(2).cross(normal).norm() >= kFlatTilt)
     return collide_cylinder(m, d, contact, plane, cylinder, margin);
   const mjtNum* const size = m->geom_size + 3 * cylinder;
   const PlacedFace cap = place_cap(size[0], size[1], pose, -normal, normal);
@@ -197,7 +193,7 @@ int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, in
 int collide_capsule_on_plane(const mjModel* m, mjData* d, mjPreContact* contact, int plane,
                              int capsule, mjtNum margin) {
   const int count = collide_capsule(m, d, contact, plane, capsule, margin);
-  if (m != replaced) return count;
+  if (m != replaced.model) return count;
   for (mjPreContact* c = contact; c != contact + count; ++c) {
     mjtNum across[3];
     mju_cross(across, c->normal, c->tangent);
@@ -210,10 +206,10 @@ int collide_narrowed(const mjModel* m, mjData* d, mjPreContact* contact, int geo
                      mjtNum margin) {
   std::atomic_thread_fence(std::memory_order_acquire);  // of what install() wrote
   const mjfCollision collide = collide_whole[m->geom_type[geom1]][m->geom_type[geom2]];
-  if (m == replaced && narrowing_now) {
+  if (m == replaced.model && replaced.narrowing) {
     CandidatePair pair{{geom1, geom2}, defining_pair(m, geom1, geom2)};
     pair.within = margin;
-    margin = narrowing_now->within(m, d, pair, narrowing_now->pairs());
+    margin = replaced.narrowing->within(m, d, pair, replaced.narrowing->pairs());
   }
   return collide(m, d, contact, geom1, geom2, margin);
 }
@@ -269,21 +265,14 @@ ReplacedCollisions::ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowin
     : model_(m),
       flags_(m->opt.disableflags),
       tolerance_(m->opt.ccd_tolerance),
-      outer_(replaced),
-      outer_faces_(face_buffers),
-      outer_narrowing_(narrowing_now) {
+      outer_(std::exchange(replaced, {m, faces, narrowing})) {
   install();
-  replaced = m;
-  face_buffers = faces;
-  narrowing_now = narrowing;
 }
 
 ReplacedCollisions::~ReplacedCollisions() {
   model_->opt.disableflags = flags_;
   model_->opt.ccd_tolerance = tolerance_;
   replaced = outer_;
-  face_buffers = outer_faces_;
-  narrowing_now = outer_narrowing_;
 }
 
 double distance_of_convex(const mjModel_* m, mjData_* d, int geom1, int geom2, double most) {

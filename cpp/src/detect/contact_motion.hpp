@@ -12,8 +12,7 @@
 
 namespace dashpot::host {
 
-// Velocity of a body at a point (world): also that of mocap bodies and of what hangs on them, which
-// mj_objectVelocity leaves out.
+// Velocity of a body at a point (world), also of mocap bodies and of what hangs on them.
 void velocity_at(const mjModel* m, const mjData* d, int body, const mjtNum* point, mjtNum* angular,
                  mjtNum* linear);
 
@@ -43,8 +42,7 @@ class ContactMotion {
       : model_(m), data_(d), length_(length) {}
 
   // Finds the motion of the geoms of a contact in a step. Returns false where contacts of one geom
-  // do not follow its pose, as those of flexes and of signed distance fields, which are points of a
-  // search.
+  // do not follow its pose, as those of flexes and of signed distance fields.
   bool find(const ContactInput& contact, const TurningStep& step);
 
   // m/s^2; without any that on earth.
@@ -60,20 +58,17 @@ class ContactMotion {
   const mjtNum* relative() const { return relative_; }
 
   bool is_ball(int side) const;
-  // Whether the geom is a ball about the centre of mass of a free body, which looks the same
-  // however it turns.
+  // Whether the geom is a ball about the centre of mass of a free body: the same however it turns.
   bool is_free_ball(int side) const;
   // Whether the normal turns wherever the two touch.
   bool are_round() const;
   // Whether both geoms touch in points that are fixed to them.
   bool have_corners() const;
-  // Whether a geom is round where it touches along a unit direction of its own frame: also the side
-  // of a cylinder.
+  // Whether a geom is round along a unit direction of its own frame, as the side of a cylinder.
   bool is_round_along(int side, const mjtNum* local) const;
   // Radius (m) about the smaller geom; planes have none.
   double size() const;
-  // Radius (m) of the thinner of the sides that are round; of geoms with corners the least
-  // half-width.
+  // Radius (m) of the thinner of round sides; of geoms with corners the least half-width.
   double thickness() const;
 
   // By how much (rad) the faster of the two turns in the step.
@@ -90,8 +85,7 @@ class ContactMotion {
   // Whether a joint that a link hangs on turns by more than `angle` (rad, or m) in the step.
   bool joints_move(int side, double angle) const;
 
-  // Finds what point_rate() needs of bodies that are not free; `time` (s) of the pair leads to
-  // When::kThen.
+  // Finds what point_rate() needs of bodies that are not free; `time` (s) leads to When::kThen.
   void find_twists(double time);
   // Velocity (m/s) of the point on the second geom to that on the first, in the contact's frame, at
   // the start of the step, or then.

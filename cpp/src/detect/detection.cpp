@@ -3,14 +3,12 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 
 #include "dashpot/detect/joint_gaps.hpp"
 #include "dashpot/model/constraints.hpp"
 #include "dashpot/model/contacts.hpp"
 #include "dashpot/model/errors.hpp"
-#include "dashpot/model/properties.hpp"
 #include "dashpot/model/sleep.hpp"
 #include "dashpot/model/velocities.hpp"
 
@@ -135,7 +133,9 @@ void read_loadable(const mjModel* m, const mjData* d, Detection& detection,
   contacts.resize(kept);
 }
 
-void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
+}  // namespace
+
+void detect_rows(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
                  Detection& detection, std::vector<ContactInput>& contacts,
                  std::vector<ConstraintInput>& constraints, Team& team) {
   {
@@ -183,8 +183,6 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
   mj_referenceConstraint(m, d);
 }
 
-}  // namespace
-
 bool anything_reads_rows(const mjModel_* m) {
   return m->nsensor > 0 || m->nplugin > 0 || m->nflex > 0;
 }
@@ -212,12 +210,6 @@ void find_present_contacts(mjModel_* m, mjData_* d, Detection& detection) {
   call_with_callbacks(mj_collision, m, d);
   if (!add_surplus(d, detection.faces.surplus) || d->warning[mjWARN_CONTACTFULL].number > lost)
     throw_contacts_exceed_memory();
-}
-
-void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-                  Detection& detection, std::vector<ContactInput>& contacts,
-                  std::vector<ConstraintInput>& constraints, Team& team) {
-  detect_rows(m, d, acceleration, detection, contacts, constraints, team);
 }
 
 MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,

@@ -16,9 +16,7 @@
 
 #pragma once
 
-struct mjModel_;
-struct mjData_;
-struct mjPreContact_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 

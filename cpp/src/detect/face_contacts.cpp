@@ -16,9 +16,8 @@ namespace {
 
 // Points in which boxes touch that lie in line on each other.
 constexpr int kCornersOfBoxes = 4;
-// Of faces of boxes as wide as each other edges cross where a hair of turn, or of play, has it; up
-// to so flat (face_manifold.hpp) these are no corners: they came and went in a grip, and what they
-// bore with them.
+// Where edges of boxes as wide as each other cross up to so flat (face_manifold.hpp), these are no
+// corners: a hair of turn or play makes them come and go in a grip, with what they bear.
 constexpr double kFlatCrossing = 1e-3;
 constexpr double kAligned = 0.99875;  // cosine between axes of boxes that may be so, 0.05 rad
 
@@ -28,11 +27,9 @@ using Eigen::Vector3d;
 // it: about one degree, far from rest, and little enough for the normal of the face to stand for
 // one across both edges.
 constexpr double kFlatEdge = 0.02;
-// Fraction of the smaller geom's radius that points of faces may be less deep than the contact
-// found.
+// Fraction of the smaller geom's radius by which points of faces may be less deep than the contact.
 constexpr double kFaceAsDeep = 1e-4;
-// Fraction of the smaller geom's radius that facets which all but lie flat are wide, to count like
-// a face.
+// Least width of facets that all but lie flat and count like a face, of the smaller geom's radius.
 constexpr double kWide = 0.25;
 
 // Radius about a geom; planes have none.

@@ -16,8 +16,6 @@
 
 #include "dashpot/detect/geom_faces.hpp"
 
-struct mjPreContact_;
-
 namespace dashpot::host {
 
 // Puts the points of the faces in place of the `count` contacts (at most mjMAXCONPAIR) that MuJoCo

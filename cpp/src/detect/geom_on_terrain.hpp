@@ -8,16 +8,13 @@
 #include "dashpot/geometry/face_manifold.hpp"
 #include "dashpot/geometry/shape.hpp"
 #include "dashpot/geometry/terrain.hpp"
-
-struct mjModel_;
-struct mjData_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 
 struct FaceBuffers;
 
-// The round surfaces with which geoms touch terrain: a ball's, an ellipsoid's, those of the ends of
-// a capsule.
+// The round surfaces with which geoms touch terrain: a ball's, an ellipsoid's, a capsule's ends.
 class RoundSurfaces {
  public:
   RoundSurfaces(const mjModel_* m, int geom);

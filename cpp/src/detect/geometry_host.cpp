@@ -17,8 +17,7 @@ namespace dashpot {
 
 namespace {
 
-// How far the axes of a geom may be from orthonormal: single precision leaves 1e-7. What no
-// kinematics have set is zero.
+// How far axes of a geom may be from orthonormal: single precision leaves 1e-7. Unset ones are 0.
 constexpr double kOrthonormal = 1e-6;
 
 // All but its label.

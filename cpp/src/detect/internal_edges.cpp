@@ -16,12 +16,10 @@ namespace {
 using Eigen::Vector3d;
 
 // Largest sag of what bears a geom, by the radius of the smaller geom: more is overlap that geoms
-// were put in. And how many layers, one on another, are each looked at for being pressed into the
-// next.
+// were put in. And how many layers are looked at for being pressed into the next.
 constexpr double kLargestSag = 0.05;
 constexpr int kLayers = 4;
-// Cosine between the normals of tiles at whose edges round geoms pass, with the chord between
-// these.
+// Cosine of the normals of tiles at whose edges round geoms pass, with the chord between these.
 constexpr double kTilted = 0.985, kTiltedChord = 0.174;
 
 // A radius about its centre that a geom contains; 0 where none is known.
@@ -103,9 +101,8 @@ class GhostContacts {
       if (!may_pass[side]) continue;
       const int body = supports_.body_of(contact, side),
                 other = supports_.body_of(contact, 1 - side);
-      // What all the world's contacts are with is not looked through for each of them: of what
-      // rests on a static body, only the body of the other geom can be at an internal edge with
-      // itself.
+      // The world's contacts are not looked through for each of them: of what rests on a static
+      // body, only the body of the other geom can be at an internal edge with itself.
       const bool is_static = m_->body_weldid[body] == 0;
       for (ContactSide at = supports_.first(is_static ? other : body); at.index >= 0;
            at = supports_.next(at)) {
@@ -301,8 +298,7 @@ class GhostContacts {
   std::vector<ContactInput>& contacts_;
 };
 
-// Notes on the contacts of a pair that its geom on `side` bears the other one up to an internal
-// edge.
+// Notes on contacts of a pair that its geom on `side` bears the other one up to an internal edge.
 void mark_continued(size_t index, int side, std::vector<ContactInput>& contacts) {
   const std::array<int, 2> pair = contacts[index].geom;
   while (index > 0 && contacts[index - 1].is_of_pair(pair)) --index;

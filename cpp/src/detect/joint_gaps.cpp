@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "dashpot/detect/geometry_host.hpp"
+#include "dashpot/geometry/query.hpp"
 #include "dashpot/model/properties.hpp"
 #include "dashpot/rows/rows.hpp"
 
@@ -28,13 +29,6 @@ int dof_between(const mjModel* m, int geom1, int geom2) {
   const int dof1 = last_dof(m, body1), dof2 = last_dof(m, body2);
   if (dof1 >= 0 && m->dof_parentid[dof1] == dof2) return dof1;
   return dof2 >= 0 && m->dof_parentid[dof2] == dof1 ? dof2 : -1;
-}
-
-double gap_along(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2,
-                 const Vector3d& direction) {
-  return direction.dot(core_support(shape2, pose2, -direction) -
-                       core_support(shape1, pose1, direction)) -
-         sweep_radius(shape1) - sweep_radius(shape2);
 }
 
 // The widest gap (m) between planes across directions that the joint keeps, negative for none.

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/detect/collisions.hpp"
-#include "dashpot/detect/reach.hpp"
 #include "dashpot/geometry/slots_by_pair.hpp"
 
 namespace dashpot::host {
@@ -29,11 +27,9 @@ double least_half_width(const mjModel* m, const CandidatePair& pair) {
 
 // Fraction of a distance found that counts: searches end before they are exact.
 constexpr double kSure = 0.9;
-// How far distances are looked for: a fraction of the smaller geom's radius beyond that of
-// contacts.
+// How far distances are looked for beyond contacts: a fraction of the smaller geom's radius.
 constexpr double kLook = 0.2;
-// A distance is worth its search where it lasts for some steps; of pairs nearer than that it is
-// looked for now and then.
+// A distance is worth its search where it lasts for steps; of nearer pairs it is searched seldom.
 constexpr double kStepsWorth = 2.0;
 constexpr int kWaits = 32;
 // Pairs kept. More come from many bodies that move among each other; then it begins anew.

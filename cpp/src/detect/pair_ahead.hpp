@@ -6,8 +6,7 @@
 //     dJ/dt xi = (u(t) - u(0)) / t ,
 //
 // u: rate of the two points that touch, by the velocities of the start. Each free body sees the
-// point from where its centre of mass is at the start; axes of joints and twists go to that time
-// themselves.
+// point from where its centre of mass is at the start; axes of joints and twists go to that time.
 //
 // What goes on far in a step may be past an edge by then: a ball that slides off a tile meets its
 // edge in the middle, though it is on the next tile. A contact between round surfaces goes on,
@@ -43,8 +42,7 @@ struct SeenContact {
 };
 
 // How far, relative to the size of the smaller geom, a contact point moves on along a rim or a
-// surface up to the middle: that of a disc that has almost come to rest runs around it faster than
-// steps can follow.
+// surface up to the middle: that of a disc almost at rest runs faster than steps can follow.
 constexpr double kFarPoint = 0.5;
 // 1 - cos of the angle between the normals of one contact at the start and in the middle, at most;
 // at other times it goes with the square of the time.
@@ -55,8 +53,7 @@ constexpr double kFarWay = 0.1;
 constexpr double kNear = 0.5 * kFarWay;
 // Change of the cosine of a normal to the axis of a round side up to which it is along one line.
 constexpr double kSameLine = 1e-3;
-// Gap rate up to which a pair runs along, as a fraction of sqrt(g r): what rests falls by a 200th
-// of its radius until it is faster.
+// Gap rate up to which a pair runs along, of sqrt(g r): until then what rests falls by r / 200.
 constexpr double kAlong = 0.095;
 
 inline void to_local(const mjData* d, int geom, const mjtNum* direction, mjtNum* local) {
@@ -86,8 +83,7 @@ inline double squared_distance_on_geoms(const ContactInput& start, const SeenCon
 
 class PairAhead {
  public:
-  // Of the contacts from `first` to `last`, of geoms that move as `motion` has it, in a step of
-  // `length` (s).
+  // Of the contacts from `first` to `last`, of geoms that move as `motion` says, over `length` (s).
   PairAhead(mjModel* m, mjData* d, ContactMotion& motion, const IsolatedPairs& pairs, double length,
             ContactInput* first, ContactInput* last)
       : model_(m),
@@ -197,8 +193,7 @@ class PairAhead {
 
   // Whether the two are on sides of a height field that rise from each other. What rolls from the
   // one to the other hits that, but for what is soft enough to touch both in one place; where the
-  // surface stands out the normal turns on. A contact apart is with the plane of its side, wherever
-  // that side begins.
+  // surface stands out the normal turns on. A contact apart is with the plane of its whole side.
   bool is_across_groove(const ContactInput& contact, const SeenContact& seen) const {
     if (motion_.geom_type(0) != mjGEOM_HFIELD) return false;
     mjtNum start[3], turn[3], way[3], relative[3];

@@ -1,11 +1,9 @@
-// The hits of two geoms: which of their contacts are hit in a step, and when the force of that acts
-// (rows/hit.hpp).
+// The hits of two geoms: which contacts are hit in a step, and when that force acts (rows/hit.hpp).
 //
 // A hit is known of two bodies that hit each other alone (IsolatedPairs). Of most it counts where
 // it is over within the step: what lasts longer goes by the geometry of every step. The normal of
 // two round bodies turns on all the while, v_t / (r_1 + r_2), and a step in which the hit begins or
-// ends has its force at one end: theirs are followed however long they last, if they are of SI
-// stiffness.
+// ends has its force at one end: theirs are followed however long, if of SI stiffness.
 
 #pragma once
 
@@ -82,11 +80,9 @@ class PairHits {
   // Whether a contact is softer than micro-steps resolve. What is as stiff as they do is hit for as
   // long as they are, and acts where that begins.
   bool is_soft(const ContactInput& contact) const;
-  // What the spring of such a contact of two round bodies, hit in the last step, is compressed by
-  // (m); else 0.
+  // Compression (m) of such a contact of two round bodies that was hit in the last step; else 0.
   double compression(const ContactInput& contact) const;
-  // When the gap of a contact closes at the rate that it has: 0 if it is closed, the length of the
-  // step if it is not within it.
+  // When a contact's gap closes at its rate: 0 if closed, the step's length if not within it.
   double onset(const ContactInput& contact) const;
   // When the force of the hit of a contact acts, after the place of the start, whose gap has an
   // acceleration (m/s^2); `otherwise` (s) if it does not in the step. Elsewhere it does work on

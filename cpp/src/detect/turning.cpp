@@ -23,11 +23,9 @@ constexpr double kStillTurn = 1e-5;
 // Fraction of its radius by which a ball on a plane comes closer in a step up to which its arm, all
 // that changes there, is the same.
 constexpr double kSameArm = 1e-3;
-// Fraction of the step within which a gap or an overlap that closes at its present rate is gone
-// early.
+// Fraction of the step within which a gap or overlap that closes at its present rate is gone early.
 constexpr double kEarly = 0.25;
-// Fraction of the step, and of 1 / omega of a hit of round bodies, up to which two times see one
-// geometry.
+// Fraction of the step, and of 1 / omega of a round hit, up to which two times see one geometry.
 constexpr double kSameTime = 0.03;
 // Most of the speed of a hit that the turn of its normal adds in the time 1 / omega.
 constexpr double kMostOfTurn = 1.0;
@@ -137,16 +135,14 @@ class TurningPair {
     return rate >= hit_speed_ && std::abs(first_->gap) < kEarly * step_.length * rate;
   }
 
-  // What a contact is at a time (s), null if it is not there, or if that is about the start, as
-  // which it stays.
+  // What a contact is at a time (s); null if it is not there, or if that is about the start.
   ContactInput* seen_at(FaceBuffers& faces, const ContactInput& contact, double time) {
     if (time <= same_time_) return nullptr;
     if (std::abs(time - ahead_.time()) > same_time_) ahead_.look(time, faces);
     return ahead_.find(contact, is_round_hit_);
   }
 
-  // What a contact is in the middle of the step, or where the force of its hit acts; null if it is
-  // not there, or stays as it is.
+  // What a contact is in the middle of the step, or of its hit; null if not there, or if it stays.
   const ContactInput* in_its_time(FaceBuffers& faces, ContactInput& contact) {
     const double frequency = hits_.frequency(contact);
     const bool comes = frequency > 0.0 && contact.gap > 0.0;

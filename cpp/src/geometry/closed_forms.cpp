@@ -1,8 +1,10 @@
-#include "closed_forms.hpp"
+// Signed distances between cores that have a short closed form.
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+
+#include "dashpot/geometry/convex_distance.hpp"
 
 namespace dashpot {
 
@@ -69,13 +71,12 @@ Distance line_distance(const Shape& shape1, const Pose& pose1, const Shape& shap
   const double size = h1 + h2 + (pose2.position - pose1.position).norm();
   const Vector3d across = a1.cross(a2);
   const double sine = h1 > 0.0 && h2 > 0.0 ? across.norm() : 0.0;
-  if (sine > kParallel && result.distance <= std::min(kCrossing, sine) * size) {
+  if (sine > kParallel && result.distance <= std::min(kCrossing, sine) * size)
     result.normal = across / (across.dot(apart) < 0.0 ? -sine : sine);
-  } else if (result.distance > kMeeting * size) {
+  else if (result.distance > kMeeting * size)
     result.normal = apart / result.distance;
-  } else if (h1 > 0.0 || h2 > 0.0) {
+  else if (h1 > 0.0 || h2 > 0.0)
     result.normal = (h1 > 0.0 ? a1 : a2).unitOrthogonal();
-  }
   return result;
 }
 
@@ -164,9 +165,8 @@ std::optional<Distance> point_distance(const Shape& shape, const Pose& pose,
                                        const Vector3d& point) {
   const Vector3d local = pose.rotation.transpose() * (point - pose.position);
   if (shape.type == ShapeType::kBox) return to_world(box_point(shape.size, local), pose);
-  if (shape.type == ShapeType::kCylinder) {
+  if (shape.type == ShapeType::kCylinder)
     return to_world(cylinder_point(shape.size[0], shape.size[1], local), pose);
-  }
   return std::nullopt;
 }
 

@@ -14,8 +14,7 @@ namespace {
 // Half as many rounds find distances of 60,000 random pairs of decimetres to 1e-12 m.
 constexpr int kMaxGjkRounds = 128;
 // Relative to the size of the pair: what rounding leaves of a distance, and the clearance at which
-// overlapping cores are compared, large enough for the direction between closest points to be
-// good to 1e-12 rad.
+// overlapping cores are compared, large enough for directions to be good to 1e-12 rad.
 constexpr double kRoundingOfDistance = 1e-15;
 constexpr double kMargin = 1e-3;
 constexpr double kStall = 1e-10;    // relative to the size: gap between the bounds of stalled GJK
@@ -77,9 +76,8 @@ Vector3d nearest_point(Simplex& simplex) {
   for (int subset = 1; subset < (1 << simplex.size); ++subset) {
     std::array<int, 4> index{};
     int count = 0;
-    for (int i = 0; i < simplex.size; ++i) {
+    for (int i = 0; i < simplex.size; ++i)
       if (subset & (1 << i)) index[count++] = i;
-    }
     std::array<double, 4> weight{};
     if (!affine_weights(simplex, index.data(), count, weight.data())) continue;
     Vector3d point = Vector3d::Zero();
@@ -178,9 +176,8 @@ Distance refine_distance(const Shape& shape1, const Pose& pose1, const Shape& sh
     const Vector3d turned = apart->normal;
     const double raised = height(turned).difference.dot(turned);
     const bool settled = (turned - centre).norm() <= kSettled;
-    if (round == 0 || raised >= lower - kStall * size) {
+    if (round == 0 || raised >= lower - kStall * size)
       best = {raised, apart->point1, apart->point2 - shift * centre, turned};
-    }
     if (shift == 0.0 || settled) break;
     if (raised < lower) {  // the momentum overshot, or rounding is all that is left
       if (momentum == 0) break;

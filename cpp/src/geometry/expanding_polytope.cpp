@@ -1,12 +1,18 @@
-#include "expanding_polytope.hpp"
+// Penetration depth by the expanding polytope algorithm (van den Bergen 2001).
+//
+// A polytope of support points grows inside the difference of the two cores. Its face nearest to
+// the origin bounds the depth from below, the support point along that face's normal from above;
+// the support point joins the polytope until the bounds meet. The polytope need not hold the origin
+// at the start: a face that has the origin outside has a negative offset and is the first to grow.
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <utility>
 #include <vector>
+
+#include "dashpot/geometry/convex_distance.hpp"
 
 namespace dashpot {
 
@@ -50,9 +56,8 @@ class Polytope {
     const double height = normal.norm() > 0.0 ? edge3.dot(normal.normalized()) : 0.0;
     if (std::abs(height) <= flat) return false;
     const bool above = height > 0.0;
-    for (const auto& [a, b, c] : {std::array{0, 1, 2}, {0, 3, 1}, {0, 2, 3}, {1, 3, 2}}) {
+    for (const auto& [a, b, c] : {std::array{0, 1, 2}, {0, 3, 1}, {0, 2, 3}, {1, 3, 2}})
       add_face(a, above ? c : b, above ? b : c);
-    }
     return true;
   }
 
@@ -79,11 +84,10 @@ class Polytope {
       const Face& face = faces_[i];
       const bool sees =
           static_cast<int>(i) == nearest || face.normal.dot(position) > face.offset + flat;
-      if (sees) {
+      if (sees)
         for (int k = 0; k < 3; ++k) add_to_rim(face.vertex[k], face.vertex[(k + 1) % 3]);
-      } else {
+      else
         faces_[kept++] = face;
-      }
     }
     faces_.resize(kept);
     for (const auto& [from, to] : rim_) add_face(from, to, apex);
@@ -195,9 +199,8 @@ std::optional<Penetration> expand_polytope(const Shape& shape1, const Pose& pose
       best.distance.distance = -reach;
       best.distance.normal = -face.normal;
     }
-    if (meet) {
+    if (meet)
       best.exact = polytope.find_witness(reach, face.normal, kTolerance * size, best.distance);
-    }
     const double gap = best.bound - best.distance.distance;
     if (meet || (round >= kPatience && gap <= kImpatientTolerance * size)) break;
     polytope.grow(point, nearest, 0.1 * kFlat * size);

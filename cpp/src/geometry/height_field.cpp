@@ -39,9 +39,8 @@ class Directions {
   explicit Directions(const Lowest& lowest) : lowest_of_(lowest) {}
 
   void add(const Vector3d& normal) {
-    for (int i = 0; i < count_; ++i) {
+    for (int i = 0; i < count_; ++i)
       if ((normal_[i] - normal).squaredNorm() < kSame * kSame) return;
-    }
     const int slot = next_++ % kKept;
     count_ = std::min(count_ + 1, kKept);
     normal_[slot] = normal;
@@ -55,9 +54,8 @@ class Directions {
 
   // Whether some direction proves the prism to be further from the shape than `distance`.
   bool prove_further(const Prism& prism, double distance) const {
-    for (int i = 0; i < count_; ++i) {
+    for (int i = 0; i < count_; ++i)
       if (lowest_[i] - prism.reach(normal_[i]) >= distance) return true;
-    }
     return false;
   }
   bool prove_further(const AlignedBox3d& box, double distance) const {
@@ -71,8 +69,7 @@ class Directions {
 
  private:
   static constexpr int kKept = 8;
-  // rad, up to which directions are the same: they prove distances that differ by a thousandth of
-  // the sizes at most.
+  // rad, up to which directions are the same: their distances differ by a thousandth of the sizes.
   static constexpr double kSame = 1e-3;
   Lowest lowest_of_;
   std::array<Vector3d, kKept> normal_;
@@ -236,9 +233,8 @@ Distance height_field_distance(const HeightField& field, const Pose& field_pose,
     heap.emplace_back(bound, index);
     std::push_heap(heap.begin(), heap.end(), std::greater<>());
   };
-  for (std::size_t i = 0; i < blocks.size(); ++i) {
+  for (std::size_t i = 0; i < blocks.size(); ++i)
     push(box_distance(prisms.box(blocks[i]), box), ~static_cast<int>(i));
-  }
   while (!heap.empty() && heap.front().first < best.distance) {
     const int index = heap.front().second;
     std::pop_heap(heap.begin(), heap.end(), std::greater<>());

@@ -17,13 +17,11 @@
 
 namespace dashpot {
 
-// The bounding box (m, world) of a shape that has a core, and one that is wider by so much (m) on
-// every side.
+// The bounding box (m, world) of a shape that has a core, and one wider by so much (m) all around.
 Eigen::AlignedBox3d bounding_box(const Shape& shape, const Pose& pose);
 Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double by);
 
-// The bounding box (m) of a height field in its own frame. Reads every height; those that are not
-// finite are left out.
+// The bounding box (m) of a height field in its own frame. Leaves out heights that are not finite.
 Eigen::AlignedBox3d height_field_box(const HeightField& field);
 
 // The convex hull of the solid, which is all that a plane sees of it. Throws std::invalid_argument

@@ -104,8 +104,7 @@ class Quickhull {
     return true;
   }
 
-  // Takes in the vertex that stands out farthest of a facet: those that see it give way to a cone
-  // from their rim.
+  // Takes in a facet's farthest vertex: facets that see it give way to a cone from their rim.
   void grow(int seed) {
     std::vector<int>& beyond = facet_[seed].beyond;
     const auto apex_at = std::max_element(beyond.begin(), beyond.end(), [&](int v, int w) {
@@ -156,8 +155,7 @@ class Quickhull {
   std::vector<Facet> facet_;
 };
 
-// Index of the first of the points that are furthest along (dx, dy, dz); `count` is a multiple of
-// kLanes, at least one.
+// Index of the first of the points furthest along (dx, dy, dz); `count` > 0: a multiple of kLanes.
 DASHPOT_VECTOR_CLONES
 int find_furthest(const double* x, const double* y, const double* z, int count, double dx,
                   double dy, double dz) {

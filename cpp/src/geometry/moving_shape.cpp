@@ -39,13 +39,11 @@ double MovingShape::turning_height(const Vector3d& normal, const Vector3d& rate,
 
 MovingShape make_moving(const Shape& shape, const Pose& pose, const Motion& motion) {
   MovingShape moving{shape, motion, pose};
-  if (shape.type != ShapeType::kPlane) {
+  if (shape.type != ShapeType::kPlane)
     moving.centre_radius = (pose.position - motion.centre).norm() + core_extent(shape);
-  }
   if (motion.angular.isZero(0.0)) return moving;
-  if (shape.type == ShapeType::kPlane) {
+  if (shape.type == ShapeType::kPlane)
     throw std::invalid_argument("time of impact with a plane that turns is not defined");
-  }
   const Vector3d axis = motion.angular.normalized();
   moving.axis_radius = core_axis_radius(shape, pose, motion.centre, axis);
   const bool at_centre = (pose.position - motion.centre).cross(axis).isZero(0.0);

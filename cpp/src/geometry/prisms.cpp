@@ -83,11 +83,9 @@ AlignedBox3d Prisms::box(const CellRange& range) const {
   for (int row = range.first_row; row <= range.last_row + 1; ++row) {
     const float* heights = field_.heights + row * field_.columns + range.first_column;
     int i = 0;
-    for (; i + kColumnsAtOnce <= count; i += kColumnsAtOnce) {
-      for (int lane = 0; lane < kColumnsAtOnce; ++lane) {
+    for (; i + kColumnsAtOnce <= count; i += kColumnsAtOnce)
+      for (int lane = 0; lane < kColumnsAtOnce; ++lane)
         highest[lane] = heights[i + lane] > highest[lane] ? heights[i + lane] : highest[lane];
-      }
-    }
     for (; i < count; ++i) highest[0] = heights[i] > highest[0] ? heights[i] : highest[0];
   }
   const double top = *std::max_element(highest, highest + kColumnsAtOnce);

@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <tuple>
 #include <utility>
-#include <vector>
 
-#include "closed_forms.hpp"
-#include "expanding_polytope.hpp"
+#include "dashpot/fcl/fcl_broadphase.hpp"
 #include "height_field.hpp"
 
 namespace dashpot {
@@ -100,25 +99,26 @@ Distance core_distance(const Shape& shape1, const Pose& pose1, const Shape& shap
 
 bool is_height_field(const Shape& shape) { return shape.type == ShapeType::kHeightField; }
 
-Distance field_distance(const HeightField& field, const Pose& field_pose, const Shape& shape,
-                        const Pose& pose) {
-  if (shape.type == ShapeType::kPlane) {
-    return distance(height_field_hull(field), field_pose, shape, pose);
-  }
-  return height_field_distance(field, field_pose, shape, pose);
+Eigen::AlignedBox3d bounding_box(const PlacedShape& placed, double reach) {
+  if (!is_height_field(placed.shape))
+    return inflated(bounding_box(placed.shape, placed.pose), reach);
+  const Eigen::AlignedBox3d local = height_field_box(placed.shape.field);
+  const Vector3d half = placed.pose.rotation.cwiseAbs() * (0.5 * local.sizes());
+  const Vector3d centre = placed.pose.position + placed.pose.rotation * local.center();
+  return inflated({centre - half, centre + half}, reach);
 }
 
 }  // namespace
 
 Distance distance(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2) {
-  if (shape1.type == ShapeType::kPlane && shape2.type == ShapeType::kPlane) {
+  if (shape1.type == ShapeType::kPlane && shape2.type == ShapeType::kPlane)
     throw std::invalid_argument("two planes have no finite distance");
-  }
-  if (is_height_field(shape1) && is_height_field(shape2)) {
+  if (is_height_field(shape1) && is_height_field(shape2))
     throw std::invalid_argument("two height fields: queries do not cover this pair");
-  }
   if (is_height_field(shape2)) return swapped(distance(shape2, pose2, shape1, pose1));
-  if (is_height_field(shape1)) return field_distance(shape1.field, pose1, shape2, pose2);
+  if (is_height_field(shape1) && shape2.type == ShapeType::kPlane)
+    return distance(height_field_hull(shape1.field), pose1, shape2, pose2);
+  if (is_height_field(shape1)) return height_field_distance(shape1.field, pose1, shape2, pose2);
   Distance result = core_distance(shape1, pose1, shape2, pose2);
   const double radius1 = sweep_radius(shape1), radius2 = sweep_radius(shape2);
   result.distance -= radius1 + radius2;
@@ -142,6 +142,37 @@ bool are_farther_apart(const Shape& shape1, const Pose& pose1, const Shape& shap
   const auto apart = separated_distance(shape1, pose1, shape2, pose2,
                                         from_centre_to_centre(pose1, pose2), of_cores);
   return apart && apart->distance > of_cores;
+}
+
+std::vector<ClosePair> closest_pairs(const std::vector<PlacedShape>& shapes, double radius) {
+  std::vector<int> planes, bounded;
+  std::vector<Eigen::AlignedBox3d> boxes;
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    if (shapes[i].shape.type == ShapeType::kPlane) {
+      planes.push_back(static_cast<int>(i));
+    } else {
+      bounded.push_back(static_cast<int>(i));
+      boxes.push_back(bounding_box(shapes[i], 0.5 * radius));
+    }
+  }
+
+  std::vector<ClosePair> close;
+  const auto consider = [&](int first, int second) {
+    const PlacedShape& a = shapes[std::min(first, second)];
+    const PlacedShape& b = shapes[std::max(first, second)];
+    if (a.group == b.group || !(a.of_interest || b.of_interest)) return;
+    if (is_height_field(a.shape) && is_height_field(b.shape)) return;
+    const Distance found = distance(a.shape, a.pose, b.shape, b.pose);
+    if (found.distance <= radius) close.push_back({a.geom, b.geom, found});
+  };
+  for (const int plane : planes)
+    for (const int other : bounded) consider(plane, other);
+  for (const auto& [i, j] : overlapping_pairs(boxes)) consider(bounded[i], bounded[j]);
+  std::sort(close.begin(), close.end(), [](const ClosePair& a, const ClosePair& b) {
+    return std::tie(a.distance.distance, a.geom1, a.geom2) <
+           std::tie(b.distance.distance, b.geom1, b.geom2);
+  });
+  return close;
 }
 
 }  // namespace dashpot

@@ -46,9 +46,8 @@ template <typename PointAt>
 double furthest_from_line(int count, const PointAt& point, const Vector3d& centre,
                           const Vector3d& axis) {
   double furthest = 0.0;
-  for (int i = 0; i < count; ++i) {
+  for (int i = 0; i < count; ++i)
     furthest = std::max(furthest, (point(i) - centre).cross(axis).norm());
-  }
   return furthest;
 }
 
@@ -148,11 +147,9 @@ void check_shape(const Shape& shape, const char* label) {
     for (const auto& [name, value] : {std::pair{"half_x", field.half_x},
                                       {"half_y", field.half_y},
                                       {"elevation", field.elevation},
-                                      {"base", field.base}}) {
-      if (!(value > 0.0) || !std::isfinite(value)) {
+                                      {"base", field.base}})
+      if (!(value > 0.0) || !std::isfinite(value))
         fail(std::string(name) + " = " + std::to_string(value) + " must be positive and finite");
-      }
-    }
     return;
   }
   const int used = shape.type == ShapeType::kSphere                                          ? 1

@@ -155,9 +155,8 @@ TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion
   }
   const bool is_field1 = shape1.type == ShapeType::kHeightField;
   const bool is_field2 = shape2.type == ShapeType::kHeightField;
-  if (is_field1 && is_field2) {
+  if (is_field1 && is_field2)
     throw std::invalid_argument("two height fields: queries do not cover this pair");
-  }
   if (is_field2) {
     TimeOfImpact found =
         time_of_impact(shape2, pose2, motion2, shape1, pose1, motion1, horizon, margin);

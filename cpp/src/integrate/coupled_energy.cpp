@@ -18,16 +18,14 @@ constexpr double kResidual = 1e-6;
 // that only contacts and limits hold. Beyond, it throws light links about, faster from hit to hit.
 constexpr double kLargestHalf = 0.1;
 // Fraction of the velocity, most that may be added where no s conserves energy: impacts lose or
-// gain so much by chance. Motion that loses more is one that steps do not resolve, and may gain it
-// in turn.
+// gain so much by chance. Motion that loses more is not resolved by steps, and may gain it in turn.
 constexpr double kBoost = 0.03;
 // Fraction of the velocity that smooth motion of linkages may be off by after all of the Verlet
 // corrector, a step before a dead centre at 0.1 rad a step. Impacts leave less by chance alone.
 constexpr double kSmooth = 0.01;
 // Verlet corrector, as a fraction of the velocity, up to which it is smooth. Near a change point,
-// where all links line up, a whole one throws them about: with 0.1 a parallelogram lost up to twice
-// as much there. With 0.017 a slider-crank at 0.3 rad a step lost half as much again at its dead
-// centres.
+// where all links line up, a whole one throws them about: with 0.1 a parallelogram loses up to
+// twice as much there. With 0.017 a slider-crank at 0.3 rad a step loses half as much again.
 constexpr double kSmoothHalf = 0.025;
 // (omega H)^2 of springs up to which velocity Verlet is bounded.
 constexpr double kResolved = 4.0;

@@ -21,8 +21,7 @@ double lasting_part(double before, double now) {
   return std::abs(before) < std::abs(now) ? before : now;
 }
 
-// What goes on as it is of two changes, one after the other: all of the second one unless one of
-// them is a jump.
+// What goes on of two changes, one after the other: all of the second unless one is a jump.
 double steady_part(double before, double now) {
   const double jump = kJump * std::max(std::abs(before), std::abs(now));
   return std::abs(now - before) <= jump ? now : lasting_part(before, now);

@@ -90,8 +90,7 @@ bool Trapezoid::differs_in_damping(const Trees& trees, int index, const HeldMoti
   return t.damped && !t.elastic && implicit_time > 0.0 && implicit_time != t.implicit_time;
 }
 
-// Work (J) that changes of drives, which may be jumps, do on a tree in flight: as the last part of
-// its Verlet corrector.
+// Work (J) of changes of drives, jumps too, on a tree in flight: the last part of its corrector.
 double Trapezoid::work_of_drives(const mjData_* d, const Trees& trees, int index,
                                  const HeldMotion& before, const std::vector<double>& velocity) {
   const Tree& t = trees.tree[index];

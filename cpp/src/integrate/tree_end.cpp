@@ -90,8 +90,7 @@ double TreeMotion::advance_free_body(mjData_* d, int index, double length,
   return lost;
 }
 
-// Work that rows did on a free body, in the frozen geometry: its gain of kinetic energy less the
-// work of the smooth load.
+// Work of rows on a free body in the frozen geometry: kinetic energy less work of the smooth load.
 double TreeMotion::contact_work(int index, double length, const RowData& data) const {
   const Tree& tree = trees_.tree[index];
   const auto centre = [&](const AlignedDoubles& coordinates) -> Vector6 {

@@ -25,8 +25,7 @@ void add_sparse(const Rows& rows, const RowGroup& c, int side, int begin, int di
   }
 }
 
-// Rounds of the iteration for x, and the fraction of the bound that one has to take off for
-// another.
+// Rounds of the iteration for x, and the fraction of the bound that one takes off for another.
 constexpr int kMostRounds = 8;
 constexpr double kWorthwhile = 0.01;
 

@@ -140,9 +140,8 @@ constexpr double kMayMeet = 2.0;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr double kUnasked = -1.0;
 
-// Notes how fast a group's gap closes on those of its trees that have an open one.
-// `fastest`: by tree, m/s or rad/s: infinite where it flies, kUnasked where it has no inactive
-// contact.
+// Notes how fast a group's gap closes on those of its trees that have an open one. `fastest`: by
+// tree, m/s or rad/s: infinite where it flies, kUnasked where it has no inactive contact.
 void find_fastest(const StepView& step, const Rows& rows, const RowGroup& c, const RowData& data,
                   std::vector<double>& fastest) {
   const auto is_asked = [&](int tree) {

@@ -78,8 +78,7 @@ double inelastic_ratio(const RowGroup& c, const Material& material) {
   return ratio / std::sqrt(c.pressed);
 }
 
-// The damping ratio, by its own inverse mass, to which the stiffness of a rigid row gives way: 0
-// where it does not.
+// The damping ratio, by its own inverse mass, to which a rigid row's stiffness gives way, else 0.
 double kept_ratio(const RowGroup& c, const GroupMaterial& given) {
   const Material& material = given.material;
   if (keeps_restitution(given)) return inelastic_ratio(c, material) / std::sqrt(c.tied);
@@ -144,8 +143,7 @@ double stiffness_for_damper(const Rates& asked, double own_damping, double most_
 }
 
 // Longest micro-step that resolves the rates of a model's own solref: no shorter than that of a
-// rigid contact, unless this resolves the spring and the damper of what is pressed between others
-// alone asks for more.
+// rigid contact, unless this resolves the spring and the damper of what is pressed asks for more.
 double longest_solref_microstep(const Rates& asked, const RigidCoupling& coupling, bool is_clamped,
                                 double rigid) {
   double of_stiffness = std::numeric_limits<double>::infinity(), of_damping = of_stiffness;
@@ -156,8 +154,7 @@ double longest_solref_microstep(const Rates& asked, const RigidCoupling& couplin
   return std::max(rigid, std::min(of_stiffness, of_damping));
 }
 
-// Longest micro-step in which a rigid material's restitution leaves the stiffness that weights
-// need.
+// Longest micro-step in which a rigid material's restitution leaves the stiffness for weights.
 double longest_inelastic_microstep(const RowGroup& c, const Material& material,
                                    const RigidCoupling& coupling, double deflection_time) {
   const double zeta = inelastic_ratio(c, material) / std::sqrt(c.tied);
@@ -181,8 +178,7 @@ struct SlidingBounds {
   double resolved, most_damped, beyond_critical;
 };
 
-// Fills the rows of friction of a group whose normal is filled. Returns whether nothing that was
-// given was lowered.
+// Fills the friction of a group whose normal is filled. Returns whether nothing given was lowered.
 bool fill_sliding_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given, bool hit,
                        const SlidingBounds& bounds) {
   const Material& material = given.material;

@@ -14,11 +14,9 @@ namespace {
 constexpr double kFollowing = 0.05;  // tau, s
 // Fraction of the speed at which the load would swing by all of itself.
 constexpr double kStillSpeed = 0.1;
-// For how long a contact has been still that bears what it bears: radians of its own swing. A hit
-// turns round within 2 kStillSpeed.
+// Radians of its own swing for which a contact at rest was still. A hit turns within 2 kStillSpeed.
 constexpr double kStillPhase = 1.0;
-// Of the weight: MuJoCo's impedance may go to nothing with the load, and what then lands on the
-// contact would find no spring.
+// Of the weight: MuJoCo's impedance may vanish with the load, and what lands would find no spring.
 constexpr double kLeastPart = 1e-3;
 // Loads L under which overlap recovers: with one, what rests would not.
 constexpr double kBearable = 2.0;
@@ -139,8 +137,7 @@ bool any_opposed(const Push* first, const Push* last) {
   });
 }
 
-// Bodies that contacts push against each other, sorted. Kept by the thread: no allocation in a
-// step.
+// Bodies that contacts push against each other, sorted. Kept by the thread for its allocation.
 const std::vector<int>& find_pressed_bodies(const mjModel_* model,
                                             const std::vector<ContactInput>& contacts,
                                             const Rows& rows) {

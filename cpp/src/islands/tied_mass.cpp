@@ -86,8 +86,7 @@ void TiedMass::find_in(const Scene& scene, Rows& rows) {
   }
 }
 
-// Limits hold what a contact hits where the impulse that stops it closes them within the step, and
-// where they push.
+// Limits hold what a contact hits where they push, or its impulse closes them within the step.
 double TiedMass::tied(const Scene& scene, const Rows& rows, double speed) {
   held_ = equality_;
   const bool by_limits = !limit_.empty() && rows.group[hit_[0]].kind == RowKind::kContact;
@@ -181,8 +180,7 @@ bool TiedMass::hold(const Scene& scene, const Rows& rows) {
   return true;
 }
 
-// What a unit impulse of each row that holds changes velocities by; hits of an island ask for many
-// of them again.
+// What a unit impulse of each row that holds changes velocities by; hits ask for many again.
 std::array<const AlignedDoubles*, TiedMass::kFewHeld> TiedMass::respond_to_held(const Scene& scene,
                                                                                 const Rows& rows) {
   const auto place = [&](int index) {

@@ -26,13 +26,11 @@ double radial_return(const double* impulse, const double* mu, int n, double norm
       square += ratio * ratio;
     }
   }
-  if (square > kSmallestSquare && square < kLargestSquare) {
+  if (square > kSmallestSquare && square < kLargestSquare)
     return square <= normal_impulse * normal_impulse ? 1.0 : normal_impulse / std::sqrt(square);
-  }
   double length = 0.0;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < n; ++i)
     if (mu[i] > 0.0) length = std::hypot(length, impulse[i] / mu[i]);
-  }
   return length <= normal_impulse ? 1.0 : normal_impulse / length;
 }
 

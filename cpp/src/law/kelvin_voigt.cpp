@@ -67,11 +67,9 @@ bool holds(const ContactPhase& c, const Propagator& e, double t, double force_at
   // f'^2 + f''^2 / (w k) never grows, so |f'| <= B and f >= (f0 + f(t) - B t) / 2.
   const double f2 = c.q - c.w * c.d * c.f1;
   const double sum = c.f0 + force_at_end;
-  if (sum * sum * square_frequency >= t * t * (c.f1 * c.f1 * square_frequency + f2 * f2)) {
+  if (sum * sum * square_frequency >= t * t * (c.f1 * c.f1 * square_frequency + f2 * f2))
     return true;
-  }
-  // Within half a period f' has at most one zero: only a fall followed by a rise has a minimum
-  // between the ends.
+  // Within half a period f' has one zero at most: only a fall, then a rise has a minimum between.
   if (square_frequency * t * t >= kPi * kPi) return false;
   return c.f1 >= 0.0 || c.force_rate(e) <= 0.0;
 }
@@ -129,9 +127,8 @@ double first_release(const ContactPhase& c, const KelvinVoigt& contact, double e
     const double f = c.force(e);
     (f >= 0.0 ? low : high) = t;
     double next = t - f / c.force_rate(e);
-    if (!(next >= low && next <= high && std::fabs(next - t) <= 0.5 * last_step)) {
+    if (!(next >= low && next <= high && std::fabs(next - t) <= 0.5 * last_step))
       next = 0.5 * (low + high);
-    }
     last_step = std::fabs(next - t);
     t = next;
     if (last_step <= kEpsilon * t) break;
@@ -202,8 +199,7 @@ struct Passage {
     return static_cast<int>(std::min(1e9, 3.0 * (712.0 + 0.5 * std::sqrt(square) * time)));
   }
 
-  // In contact, until it is released; true at the end of the interval. `given`: propagate() over
-  // all that remains.
+  // In contact, until released; true at the interval's end. `given`: propagate() over the rest.
   bool press(const Propagator* given) {
     flow.touched = true;
     const ContactPhase phase(contact, u, b, force);

@@ -210,11 +210,9 @@ Material combine(const Material& a, const Material& b, const CombinationRules& r
   combine_damping(a, b, rules.damping, share_a, share_b, pair);
 
   pair.has_friction = a.has_friction || b.has_friction;
-  if (pair.has_friction) {
-    for (std::size_t i = 0; i < pair.friction.size(); ++i) {
+  if (pair.has_friction)
+    for (std::size_t i = 0; i < pair.friction.size(); ++i)
       pair.friction[i] = combine_friction(rules.friction, a.friction[i], b.friction[i]);
-    }
-  }
 
   combine_load(a, b, rules.friction, pair);
 
@@ -230,9 +228,8 @@ Material combine(const Material& a, const Material& b, const CombinationRules& r
 }
 
 double damping_ratio_to_restitution(double damping_ratio) {
-  if (!(damping_ratio >= 0.0)) {
+  if (!(damping_ratio >= 0.0))
     throw std::invalid_argument("damping_ratio must be >= 0, got " + text(damping_ratio));
-  }
   if (damping_ratio <= 1.0) return std::exp(-restitution_exponent(damping_ratio));
   if (std::isinf(damping_ratio)) return 0.0;
   // exp(-2 eta zeta/sinh) = exp(-2 eta) exp(-2 eta (zeta - sinh)/sinh), exp(-eta) = zeta - sinh.
@@ -242,9 +239,8 @@ double damping_ratio_to_restitution(double damping_ratio) {
 }
 
 double restitution_to_damping_ratio(double restitution) {
-  if (!(restitution >= 0.0 && restitution <= 1.0)) {
+  if (!(restitution >= 0.0 && restitution <= 1.0))
     throw std::invalid_argument("restitution must be in [0, 1], got " + text(restitution));
-  }
   if (restitution == 0.0) return kInfinity;
   if (restitution == 1.0) return 0.0;
   const double exponent = -std::log(restitution);

@@ -102,14 +102,11 @@ Propagator propagate(const KelvinVoigt& contact, double time) {
   const double square_frequency = contact.inverse_mass * contact.stiffness;
   const double a = damping_rate * time;
   const double b = square_frequency * time * time;
-  if (has_series(a, b)) {
-    return propagate_by_series(damping_rate, square_frequency, time);
-  }
+  if (has_series(a, b)) return propagate_by_series(damping_rate, square_frequency, time);
   const Roots roots = characteristic_roots(damping_rate, square_frequency);
   // Real roots whose ratio exceeds 2.4 (zeta^2 > 1.2) lose less than a digit in a difference.
-  if (roots.alpha * roots.alpha > 1.2 * square_frequency) {
+  if (roots.alpha * roots.alpha > 1.2 * square_frequency)
     return propagate_overdamped(roots, square_frequency, time);
-  }
   return propagate_oscillating(roots, damping_rate, square_frequency, time);
 }
 

@@ -38,8 +38,7 @@ double power_of(double base, double power) {
   return power == 2.0 ? base * base : std::pow(base, power);
 }
 
-// d at the deformation x where d^2 k x = (1 - d) load, by regula falsi (Illinois) inside the width,
-// where d changes.
+// d at the deformation x where d^2 k x = (1 - d) load, by regula falsi (Illinois) inside the width.
 double impedance_at_rest(const std::array<double, 5>& solimp, double stiffness, double load) {
   const double width = solimp[2];
   const auto excess = [&](double x) {
@@ -96,9 +95,8 @@ std::array<double, 2> solref_to_spring(double ref0, double ref1, double impedanc
       const double rate = 1.0 / (impedance_width * ref0);
       return {rate / ref1 * (rate / ref1), 2.0 * rate};
     }
-    if (ref0 <= 0.0 && ref1 <= 0.0) {
+    if (ref0 <= 0.0 && ref1 <= 0.0)
       return {-ref0 / (impedance_width * impedance_width), -ref1 / impedance_width};
-    }
   }
   throw std::invalid_argument(
       "solref must be two positive numbers (timeconst, dampratio) or two that are not positive "

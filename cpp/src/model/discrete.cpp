@@ -6,7 +6,6 @@
 #include <stdexcept>
 
 #include "dashpot/model/errors.hpp"
-#include "dashpot/model/trees.hpp"
 
 // Exported by MuJoCo's library though not declared in its public headers: the metric of
 // `discrete`, which flexes it has as a sparse matrix, and products of a vector with the stiffness
@@ -30,8 +29,7 @@ namespace dashpot::host {
 
 namespace {
 
-// Whether MuJoCo has the stiffness of a flex as a product with vectors alone, as where it hangs on
-// bodies that turn.
+// Whether MuJoCo has a flex's stiffness as a product alone, as where it hangs on turning bodies.
 bool is_matrix_free(const mjModel* m, const mjData* d, int flex) {
   if (m->flex_rigid[flex] || m->flex_dim[flex] < 2) return false;
   if (m->flex_interp[flex]) return d->nefmK == 0 || !mjd_flexInterpAssemblable(m);

@@ -1,5 +1,4 @@
-// What the integrator `discrete` treats implicitly: springs and dampers, servos, drag of fluids and
-// the elasticity of flexes.
+// What `discrete` integrates implicitly: springs, dampers, servos, drag and elasticity of flexes.
 //
 // It steps in the metric
 //
@@ -15,15 +14,12 @@
 //
 //     (M + e (D + h K)) v' = f - (D + h K) (v - v0) - h K v0 - K x + J'F.
 //
-// Modes that the step does not resolve then relax within e, and statics are those of f - K x + J'F
-// = 0. f is that of the start.
+// Modes that steps do not resolve relax within e; statics are f - K x + J'F = 0. f: of the start.
 
 #pragma once
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/trees.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 
@@ -31,8 +27,7 @@ bool is_discrete(const mjModel_* m);
 
 // Of smooth_stage(): builds K and D at its positions, before velocities are known.
 void build_metric(const mjModel_* m, mjData_* d);
-// Of smooth_stage(): actuation and the smooth acceleration in that metric. Asks the control
-// callback.
+// Of smooth_stage(): actuation and smooth acceleration in that metric. Asks the control callback.
 void accelerate_in_metric(const mjModel_* m, mjData_* d);
 // Takes K and D over from MuJoCo, where a smooth stage has left any. Throws std::invalid_argument
 // where they couple what the trees do not, since the integrator was another when these were made.

@@ -136,8 +136,7 @@ void find_damping(const mjModel* m, const mjData* d, Tree& t, Trees& trees) {
   }
 }
 
-// u' D v over the degrees of freedom of a tree with D = -qDeriv, whose lower triangle M's sparsity
-// maps.
+// u' D v of a tree with D = -qDeriv, whose lower triangle M's sparsity maps.
 double derivative_form(const mjModel* m, const mjData* d, const Tree& t, const double* u,
                        const double* v) {
   double sum = 0.0;
@@ -160,8 +159,7 @@ double damping_derivative(double damping, const double* high_order, double veloc
   return slope;
 }
 
-// The derivative of the damping of a joint at `velocity`, and of the actuator that lends it
-// damping, N s/m or N m s/rad.
+// Derivative of a joint's damping at `velocity` and of its actuator's, N s/m or N m s/rad.
 double joint_damping(const mjModel_* m, int dof, double velocity) {
   double damping =
       damping_derivative(m->dof_damping[dof], m->dof_dampingpoly + mjNPOLY * dof, velocity);

@@ -43,8 +43,7 @@ Acceleration generalized_acceleration(const mjModel* m, const mjData* d, int bod
   return a;
 }
 
-// The same while the motion coordinates are constant: those of a free body are its centre's and its
-// turn's.
+// The same at constant motion coordinates: those of a free body are its centre's and its turn's.
 Acceleration acceleration(const mjModel* m, const mjData* d, int body, const mjtNum* point,
                           const Trees& trees) {
   const int tree = m->body_treeid[body];
@@ -75,8 +74,7 @@ double turning_of_bodies(const mjModel* m, const mjData* d, int equality, int ro
   return 0.5 * m->eq_data[mjNEQDATA * equality + 10] * rate[row - 2];
 }
 
-// Of the length of an edge: what is across the edge turns it, what the vertices are accelerated by
-// along it adds.
+// Of an edge's length: velocity across the edge turns it, acceleration of vertices along it adds.
 double turning_of_edge(const mjModel* m, const mjData* d, int flex, int edge, const Trees& trees) {
   mjtNum along[3]{}, velocity[3]{}, bend[3]{};
   for (int side = 0; side < 2; ++side) {

@@ -4,8 +4,7 @@
 
 #include <array>
 
-struct mjModel_;
-struct mjData_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 

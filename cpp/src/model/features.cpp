@@ -10,7 +10,6 @@
 #include "dashpot/model/errors.hpp"
 #include "dashpot/model/host.hpp"
 #include "dashpot/model/mocap_bodies.hpp"
-#include "dashpot/model/trees.hpp"
 #include "discrete.hpp"
 
 namespace dashpot::host {

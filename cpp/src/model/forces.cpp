@@ -193,8 +193,7 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
   applied -= all - of_dampers;
 }
 
-// What the drag of a tree took, and of each degree of freedom the part that the present D has in
-// it.
+// What the drag of a tree took, and by degree of freedom the part that the present D has in it.
 double SmoothWork::work_of_drag(const mjModel_* m, const mjData_* d, const Trees& trees,
                                 const Tree& t, const StepMotion& motion) {
   double work = 0.0;

@@ -182,8 +182,7 @@ void MocapMotion::show(double time) {
   if (may_sleep(model_)) places_.update_fixed_bodies();
 }
 
-// The positions of all constraints with the mocap bodies at the end of their way and all others
-// where they are.
+// The positions of all constraints with mocap bodies at the end of their way, others as they are.
 void MocapMotion::find_constraints(double length) {
   show(length);
   data_->ncon = 0;

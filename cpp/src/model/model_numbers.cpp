@@ -193,8 +193,7 @@ void check_tendons(const mjModel* m) {
   tendons.check("tendon_solimp_fri", m->tendon_solimp_fri, mjNIMP);
 }
 
-// `each` values of every control or output of an actuator, of which it has a number from an address
-// on.
+// `each` values of every control or output of an actuator, which has a number from an address on.
 void check_of_actuators(const mjModel* m, const char* field, const mjtNum* values, int each,
                         const int* address, const int* number, Range range) {
   for (int i = 0; i < m->nactuator; ++i) {

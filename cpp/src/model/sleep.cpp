@@ -10,8 +10,7 @@
 #include "dashpot/model/velocities.hpp"
 #include "equalities.hpp"
 
-// Exported by the pinned MuJoCo library though not declared in its public headers: what follows
-// from mjData.tree_asleep.
+// Exported by MuJoCo though not in its public headers: what follows from mjData.tree_asleep.
 extern "C" void mj_updateSleep(const mjModel* m, mjData* d);
 
 namespace dashpot::host {

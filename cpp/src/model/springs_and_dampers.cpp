@@ -35,8 +35,7 @@ int tendon_of(int source) { return -1 - source; }
 int edge_of(const mjModel* m, int source) { return -1 - source - static_cast<int>(m->ntendon); }
 bool is_tendon(const mjModel* m, int source) { return tendon_of(source) < m->ntendon; }
 
-// Whether derivatives of the smooth forces have all of a tendon's damping: those between branches
-// are left out.
+// Whether derivatives of smooth forces have all of a tendon's damping: not between branches.
 bool is_derived(const mjModel* m, int tendon) {
   const int* const first = m->ten_J_colind + m->ten_J_rowadr[tendon];
   const int* const last = first + m->ten_J_rownnz[tendon];

@@ -16,8 +16,7 @@ namespace {
 
 constexpr double kOrthogonal = 1e-9;  // cosine of the axes of slides
 constexpr int kFreeDofs = 6;
-// Degrees of freedom of trees that are joined to one, up to which inv(H) takes less time than what
-// is sparse.
+// Degrees of freedom of trees joined to one up to which inv(H) takes less time than what is sparse.
 constexpr int kMostDense = 24;
 
 using TreeSet = std::set<int>;

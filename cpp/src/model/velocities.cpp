@@ -22,8 +22,7 @@ void add_carried(const mjtNum* twist, double time, mjtNum* moved) {
   mju_addToScl3(moved + 3, linear, time);
 }
 
-// Adds what a joint of several axes turns its own axes by, which cdof_dot leaves out: in the sum
-// over all of them it cancels.
+// Adds what a joint of several axes turns its axes by, which cdof_dot leaves out: the sum cancels.
 void add_own_turn(const mjModel* m, const mjData* d, int dof, double time, mjtNum* axis) {
   const int joint = m->dof_jntid[dof];
   const int type = m->jnt_type[joint];

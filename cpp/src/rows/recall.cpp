@@ -58,8 +58,7 @@ bool grows_stiffer(const StepView& step, const Rows& rows, size_t first) {
                      [](const RowGroup& c) { return c.solref.load > 0.0; });
 }
 
-// What part of their places they may be deformed by, and the `energy_tank` (J) that is left of what
-// they had lost.
+// What part of their places they may be deformed by; the `energy_tank` (J) left of what they lost.
 double part_of_places(const StepView& step, const Rows& rows, size_t first, double& energy_tank) {
   double stored = 0.0, remembered = 0.0;
   for (int i = 0; i < step.constraints[rows.group[first].input].together; ++i) {
@@ -127,16 +126,14 @@ bool goes_on_as_hit(double force, const Rows& rows, const RowGroup& c, double le
   return force * w > kHitLoads * std::abs(first_rate(rows, c, data.smooth_acceleration));
 }
 
-// Whether a contact gives back most of what it stores: damping ratio up to 0.2, restitution above a
-// half.
+// Whether a contact gives back most that it stores: damping ratio to 0.2, restitution over a half.
 bool is_elastic(const Rows& rows, const RowGroup& c) {
   const double k = rows.stiffness[c.row], d = rows.damping[c.row];
   return d * d * rows.inverse_mass[c.row] <= 4.0 * kElasticRatio * kElasticRatio * k;
 }
 
 // RowData::drift of a contact that turns on as before, a little faster or slower
-// (detect/turning.hpp). What goes from one corner to the next, or turns by a radian in a step,
-// turns anew.
+// (detect/turning.hpp). From one corner to the next, or by a radian in a step, it turns anew.
 double drift_of(const RememberedContact& old, const RowGroup& c, double length) {
   const bool in_middle = std::abs(c.ahead - 0.5 * length) <= kMiddle * length;
   const double turning = turn_of_normal(c), change = turning - old.turning;
@@ -146,8 +143,7 @@ double drift_of(const RememberedContact& old, const RowGroup& c, double length) 
 }
 
 // Rigid contacts keep their preload, for their stiffness goes on changing. What is hit keeps all
-// that its spring stores, also where the geometry, frozen in the step before, turns out to be less
-// deep.
+// that its spring stores, also where the geometry, frozen before, turns out to be less deep.
 double recalled_deformation(const RememberedContact& old, const ContactInput& input,
                             const Rows& rows, const RowGroup& c, double recovery_speed,
                             double length, bool hit, double& energy_tank) {
@@ -266,8 +262,7 @@ void recall_contacts(const StepView& step, const Rows& rows, double recovery_spe
     const bool alone = data.is_of_isolated_pair[index];
     const bool hit_now = alone && data.hit[index] != Hit::kNone;
     const bool hit_before = old.was_hit() && (alone || is_elastic(rows, c));
-    // In a cluster a neighbour that is hit, too, or a substep that is short, makes it
-    // stiffer.
+    // In a cluster a neighbour that is hit, too, or a substep that is short, makes it stiffer.
     const bool stiffens = is_elastic(rows, c) && rows.stiffness[c.row] > old.stiffness;
     const bool hit =
         (hit_now || hit_before || stiffens) && goes_on_as_hit(force, rows, c, step.length, data);

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/rows/row_data.hpp"
-
 namespace dashpot {
 
 namespace {

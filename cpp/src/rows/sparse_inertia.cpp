@@ -12,8 +12,7 @@ using Matrix = Eigen::SparseMatrix<double>;
 
 constexpr int kMostAlike = 3;
 
-// Columns of a factor from the first on that have the same rows below them, as those of the three
-// directions of a vertex.
+// Columns of a factor with the same rows below them, as those of the three directions of a vertex.
 struct Alike {
   int first, count;
 };
@@ -95,8 +94,7 @@ void with_count(const Alike& of, const Visit& visit) {
 }  // namespace
 
 struct SparseInertia::Impl {
-  // Whether the entries of `matrix` lie where those of `places` do, which are the matrix's places
-  // from then on.
+  // Whether the entries of `matrix` lie where those of `places` do, which are its own from then on.
   bool lies_as_before() {
     const int count = static_cast<int>(matrix.nonZeros()), n = static_cast<int>(matrix.cols());
     const bool same =

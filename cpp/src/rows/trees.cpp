@@ -6,7 +6,6 @@
 #include "dashpot/lanes/instruction_sets.hpp"
 #include "dashpot/lanes/lane_blocks.hpp"
 #include "dashpot/lanes/lanes.hpp"
-#include "dashpot/rows/trees.hpp"
 
 namespace dashpot {
 
@@ -49,8 +48,7 @@ void respond(const double* inverse, const double* force, int n, int count, doubl
 
 // inverse = inv(L' D L), symmetric, columns `count` apart, a multiple of four. Of the unit matrix,
 // inv(L') is what rows leave that are taken off the rows above them, from the last one up, each
-// over the columns of what is below it, and then inv(L) what rows above leave, from the first one
-// down.
+// over the columns of what is below it, and then inv(L) what rows above leave, from the first.
 DASHPOT_VECTOR_CLONES
 void invert(const double* factor, const Above& above, int n, int count, double* inverse) {
   std::fill_n(inverse, count * count, 0.0);

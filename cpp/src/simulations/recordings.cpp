@@ -17,9 +17,7 @@ class Means {
  public:
   explicit Means(const Recording& recording)
       : recording_(recording), sum_(recording.channel.size()) {
-    for (const Channel& channel : recording.channel) {
-      (channel.mean ? any_ : any_other_) = true;
-    }
+    for (const Channel& channel : recording.channel) (channel.mean ? any_ : any_other_) = true;
   }
 
   bool any_other() const { return any_other_; }
@@ -49,11 +47,10 @@ class Means {
 
 // Writes one row of readings.
 void read(Simulation& simulation, const Recording& recording, Means& means, double* out) {
-  if (means.any_other()) {
+  if (means.any_other())
     simulation.update_sensors();
-  } else {
+  else
     simulation.update_kinematics();
-  }
   for (const int body : recording.body) {
     simulation.body_pose(body, out, out + 3);
     out += 7;
@@ -66,9 +63,8 @@ void read(Simulation& simulation, const Recording& recording, Means& means, doub
   means.restart();
   if (recording.gap.empty()) return;
   double gap = std::numeric_limits<double>::infinity();
-  for (const auto& [geom1, geom2] : recording.gap) {
+  for (const auto& [geom1, geom2] : recording.gap)
     gap = std::min(gap, simulation.distance(geom1, geom2));
-  }
   *out = gap;
 }
 
@@ -82,9 +78,8 @@ void simulate(Simulation& simulation, const Recording& recording, int nu, const 
   for (const int record_step : recording.record_step) {
     for (; step < record_step; ++step) {
       worker.look();
-      if (!recording.control.empty()) {
+      if (!recording.control.empty())
         simulation.set_control(recording.control.data() + std::size_t(step) * nu);
-      }
       try {
         simulation.step();
       } catch (const std::exception& error) {
@@ -110,22 +105,19 @@ void check(const Recording& recording, const ModelSizes& sizes) {
     }
   }
   const auto in_model = [&](const char* what, int index, int count) {
-    if (index < 0 || index >= count) {
+    if (index < 0 || index >= count)
       fail(recording, std::string(what) + " " + std::to_string(index) + " is not in the model");
-    }
   };
   for (const int body : recording.body) in_model("body", body, sizes.nbody);
-  for (const Channel& channel : recording.channel) {
+  for (const Channel& channel : recording.channel)
     in_model("channel", channel.address, sizes.nsensordata);
-  }
   for (const auto& [geom1, geom2] : recording.gap) {
     in_model("geom", geom1, sizes.ngeom);
     in_model("geom", geom2, sizes.ngeom);
   }
   if (!recording.control.empty() &&
-      recording.control.size() < std::size_t(recording.record_step.back()) * sizes.nu) {
+      recording.control.size() < std::size_t(recording.record_step.back()) * sizes.nu)
     fail(recording, "control has fewer rows than the simulation has steps");
-  }
 }
 
 std::vector<std::string> record(const std::vector<Variant>& variants,

@@ -64,9 +64,8 @@ std::vector<Divergence> roll_out(const std::vector<RolloutModel>& models, const 
       const std::size_t row = std::size_t(item) * input.nstep + step;
       double* const state = at(output.state, row, to);
       double* const sensors = at(output.sensordata, row, sizes.nsensordata);
-      if (input.control) {
+      if (input.control)
         simulation.set_state(input.control + row * input.ncontrol, input.control_spec);
-      }
       try {
         simulation.step();
         std::copy_n(simulation.sensordata(), sizes.nsensordata, sensors);

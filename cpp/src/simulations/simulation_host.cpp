@@ -109,9 +109,8 @@ void Simulation::step() {
   }
   // What MuJoCo calls a bad state (mj_checkPos, mj_checkVel).
   if (!host::are_within(data->qpos, model->nq, host::kLargestValue) ||
-      !host::are_within(data->qvel, model->nv, host::kLargestValue)) {
+      !host::are_within(data->qvel, model->nv, host::kLargestValue))
     throw std::runtime_error("the state is no longer finite, or beyond 1e10");
-  }
 }
 
 void Simulation::update_kinematics() { mj_kinematics(model_.get(), data_.get()); }

@@ -10,9 +10,8 @@ namespace dashpot {
 
 namespace {
 
-// Slices that there may be, each of which costs every tree some additions, and groups from which on
-// there are as many: the share of a slice in a sweep takes several times as long as to hand it to a
-// thread.
+// Most slices, each of which costs every tree some additions, and groups from which on there are as
+// many: a slice's share in a sweep takes several times as long as to hand it to a thread.
 constexpr int kMostSlices = 4;
 constexpr int kGroupsOfTwoSlices = 128, kGroupsOfFourSlices = 2048;
 

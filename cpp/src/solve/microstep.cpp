@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include "dashpot/solve/lane_flow.hpp"
 #include "island_blocks.hpp"
@@ -58,8 +57,7 @@ constexpr int kTreesAtOnce = 32, kGroupsAtOnce = 16;
 // Whether an island needs no micro-steps, flows in closed form over all of them, or takes them.
 enum class Course : char { kApart, kAtOnce, kInMicrosteps };
 
-// An island, or small ones that follow one another and flow alike: their groups fill lanes
-// together.
+// An island, or small ones in a row that flow alike: their groups fill lanes together.
 struct Batch {
   Island island;
   Course course;

@@ -27,8 +27,8 @@ struct Stepper::ComFreeImpl final : Stepper::Impl {
   // Nothing is remembered but the ledger, and no spring stores energy.
   void act(mjData_* d) override {
     data.reset_rows(rows);
-    plan.find_islands(rows, motion.trees());
-    stats.microsteps = !plan.islands().empty();
+    islands.find(rows, motion.trees());
+    stats.microsteps = !islands.all().empty();
     accounting.open(memory(d), sleeping.rows());
     gap.clear();
     group_mass.clear();

@@ -90,8 +90,7 @@ void EnergyAccounting::find_displacements(const mjData_* d, const SolvedSubstep&
   });
 }
 
-// Work that servos did on free bodies by the force of the middle of the step beyond that of its
-// start.
+// Work of servos on free bodies by the force of the middle of the step beyond that of its start.
 double EnergyAccounting::work_ahead_of_servos(const SolvedSubstep& substep) const {
   double work = 0.0;
   const std::vector<double>& change = substep.motion.servo_change();

@@ -24,8 +24,7 @@ class EnergyAccounting {
   // contacts together did too much. Shared by two trees as their relative motion is.
   void find_unpaid(const Memory& memory, const SolvedSubstep& substep,
                    std::vector<double>& unpaid) const;
-  // After the state is that of the end of the substep: books the work of smooth forces and
-  // surfaces.
+  // Once the state is that of the substep's end: books the work of smooth forces and surfaces.
   void add_smooth_work(mjData_* d, const SolvedSubstep& substep, Team& team);
   // Books the kinetic energy of trees that fall asleep, and keeps the ledger in memory.
   void lose_motion(const mjData_* d, const SolvedSubstep& substep, const std::vector<int>& trees,

@@ -159,8 +159,7 @@ void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
   flights.follow(model, d, detection.buffers, constraints, clock.length, contacts);
 }
 
-// Wakes what the contacts and constraints that were found reach, and finds how that moves; returns
-// whether there was any.
+// Wakes what found contacts and constraints reach, and finds how that moves; returns whether any.
 bool Stepper::Impl::wake_reached(mjData_* d, const host::MocapMotion& mocap) {
   if (!sleeping.wake_reached(model, d, contacts, constraints, mocap)) return false;
   host::smooth_stage(model, d, false, host::Sensors::kStay, find_contacts);
@@ -174,7 +173,7 @@ void Stepper::Impl::fall_asleep(mjData_* d, const host::MocapMotion& mocap) {
   if (!host::may_sleep(model)) return;
   const SolvedSubstep solved = solved_substep();
   const std::vector<int>& falling =
-      sleeping.find_falling(d, solved, plan.islands(), mocap, accounting.recovered());
+      sleeping.find_falling(d, solved, islands.all(), mocap, accounting.recovered());
   if (falling.empty()) return;
   Memory view = memory(d);
   accounting.lose_motion(d, solved, falling, view);

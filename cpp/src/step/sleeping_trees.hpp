@@ -18,8 +18,7 @@ class SleepingTrees {
   // As mjData.tree_asleep at the start of the step; empty if nothing sleeps.
   std::vector<int>& at_start() { return at_start_; }
 
-  // Wakes what rows join to trees that are awake, or to mocap bodies that move; returns whether
-  // there was any.
+  // Wakes what rows join to awake trees or to mocap bodies that move; returns whether any.
   bool wake_reached(const mjModel_* m, mjData_* d, const std::vector<ContactInput>& contacts,
                     const std::vector<ConstraintInput>& constraints,
                     const host::MocapMotion& mocap) const;

@@ -6,7 +6,6 @@
 
 #include "dashpot/integrate/trapezoid.hpp"
 #include "dashpot/integrate/tree_motion.hpp"
-#include "dashpot/lanes/aligned.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 

@@ -28,8 +28,7 @@ class StepForces {
   void find_reported(const mjData_* d, const SolvedSubstep& substep);
   // Sets the forces of MuJoCo's rows, and evaluates its sensors of accelerations.
   void report(mjData_* d, const SolvedSubstep& substep);
-  // Whether generalized forces and accelerations are reported that MuJoCo's integrator does not
-  // take.
+  // Whether generalized forces and accelerations are reported that MuJoCo does not integrate.
   bool report_others() const { return report_others_; }
   // Swaps these with those of `d`: before and after its integrator.
   void exchange(mjData_* d);

@@ -1,8 +1,8 @@
 // What a stepper holds. The step is in engine.cpp; how far its substeps go in substep_length.cpp,
-// their rows in substep_rows.cpp and row_assembly.cpp, the state at the end in state.cpp. How rows
-// are planned is in row_plan.hpp, what their forces are in step_forces.hpp, what becomes of energy
-// in energy_accounting.hpp, and what sleeps in sleeping_trees.hpp. What is virtual is another thing
-// under the complementarity-free law (comfree_stepper.hpp).
+// their rows in substep_rows.cpp and row_assembly.cpp, the state at the end in state.cpp. Forces of
+// rows are in step_forces.hpp, what becomes of energy in energy_accounting.hpp, and what sleeps in
+// sleeping_trees.hpp. What is virtual is another thing under the complementarity-free law
+// (comfree_stepper.hpp).
 
 #pragma once
 
@@ -15,6 +15,8 @@
 #include "dashpot/integrate/trapezoid.hpp"
 #include "dashpot/integrate/tree_motion.hpp"
 #include "dashpot/islands/group_material.hpp"
+#include "dashpot/islands/islands.hpp"
+#include "dashpot/islands/tied_mass.hpp"
 #include "dashpot/model/checks.hpp"
 #include "dashpot/model/host.hpp"
 #include "dashpot/model/mocap_motion.hpp"
@@ -24,14 +26,12 @@
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 #include "dashpot/solve/microstep.hpp"
 #include "dashpot/step/contacts.hpp"
 #include "dashpot/step/engine.hpp"
 #include "dashpot/threads/pace.hpp"
 #include "dashpot/threads/team.hpp"
 #include "energy_accounting.hpp"
-#include "row_plan.hpp"
 #include "sleeping_trees.hpp"
 #include "solved_substep.hpp"
 #include "step_forces.hpp"
@@ -86,6 +86,7 @@ struct Stepper::Impl {
   // What rows do over the substep.
   virtual void finish_last_step(mjData_* d);
   virtual void act(mjData_* d);
+  void plan_rows(const StepView& step);
   void plan_and_recall(mjData_* d);
   double resolved_length() const;
   void run_islands(mjData_* d);
@@ -145,7 +146,13 @@ struct Stepper::Impl {
   Rows rows;
   std::vector<GroupMaterial> materials;  // per group
   std::vector<Match> matches;            // per group
-  RowPlan plan;
+
+  // How they are solved, per group but for the first two.
+  Islands islands;
+  TiedMass tied_mass;
+  std::vector<DeflectionTime> deflection_times;
+  std::vector<char> stays_open;
+  std::vector<double> compression;  // of the mode that damps it, m
 
   // What they do.
   RowData data;

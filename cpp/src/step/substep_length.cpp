@@ -13,8 +13,7 @@ namespace dashpot {
 
 namespace {
 
-// Times that a substep is taken anew for what its impacts bring about: bodies that a blow runs
-// through within one step, at most.
+// Times that a substep is taken anew for its impacts: bodies that a blow runs through in a step.
 constexpr int kMostPropagations = 16;
 
 constexpr int kTreesAtOnce = 64;  // by a thread
@@ -103,8 +102,8 @@ void Stepper::Impl::propagate_impacts(mjData_* d, host::MocapMotion& mocap) {
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, clock.length, false, data, team);
     do {
-      host::detect_again(model, d, motion.smooth_acceleration(), detection, contacts, constraints,
-                         team);
+      host::detect_rows(model, d, motion.smooth_acceleration(), detection, contacts, constraints,
+                        team);
       mocap.drive(constraints);
     } while (wake_reached(d, mocap));
     sleeping.leave_out(model, d, contacts, constraints);
@@ -116,8 +115,7 @@ void Stepper::Impl::propagate_impacts(mjData_* d, host::MocapMotion& mocap) {
   }
 }
 
-// Trees that rows moved have the mean velocity of their micro-steps, all others that of the smooth
-// motion.
+// Trees that rows moved have the mean velocity of micro-steps, all others that of smooth motion.
 void Stepper::Impl::find_mean_velocity() {
   mean_velocity = motion.start_velocity();
   for (size_t i = 0; i < mean_velocity.size(); ++i)

@@ -9,9 +9,10 @@
 
 #include "dashpot/detect/turning.hpp"
 #include "dashpot/islands/contact_matching.hpp"
-#include "dashpot/islands/group_material.hpp"
-#include "dashpot/islands/islands.hpp"
-#include "dashpot/islands/row_stiffness.hpp"
+#include "dashpot/islands/island_hits.hpp"
+#include "dashpot/islands/modal_damping.hpp"
+#include "dashpot/islands/solref_load.hpp"
+#include "dashpot/islands/static_deflection_limits.hpp"
 #include "dashpot/model/checks.hpp"
 #include "dashpot/model/properties.hpp"
 #include "dashpot/rows/recall.hpp"
@@ -64,7 +65,7 @@ void Stepper::Impl::act(mjData_* d) {
 // two differ by the unstressed penetration.
 void Stepper::Impl::find_end_of_contacts() {
   stats.contacts = static_cast<int>(contacts.size());
-  stats.islands = static_cast<int>(plan.islands().size());
+  stats.islands = static_cast<int>(islands.all().size());
   end_gap.resize(contacts.size());
   compressed.clear();
   for (size_t i = constraints.size(); i < rows.group.size(); ++i) {
@@ -102,12 +103,29 @@ void Stepper::Impl::finish_last_step(mjData_* d) {
   trapezoid.finish_last_step(d, step, differentiable, motion, rows, data, accounting.ledger());
 }
 
+// Finds which islands the rows form, what hits, presses or stays open in them, and from that their
+// stiffness and micro-steps. Materials are read at the load that rows bear.
+void Stepper::Impl::plan_rows(const StepView& step) {
+  const Trees& trees = motion.trees();
+  islands.find(rows, trees);
+  if (read_solref_at_load(step, data.velocity, rows, materials))
+    damp_clamped_bodies(model, contacts, rows, materials);
+  find_deflection_times(model, step, rows, data.velocity, team, deflection_times);
+  find_hits(step, rows, islands.all(), hit_frequency(), data);
+  find_inactive_contacts(step, rows, islands.all(), motion.tree_count(), data, stays_open);
+  damp_modes(model, materials, contacts, trees, stays_open, data, clock.length, rows, compression);
+  tied_mass.find(step, materials, trees, islands.all(), compression, data, rows);
+  islands.plan(rows, trees,
+               {materials, deflection_times, stays_open, data, clock.length, resolved_length(),
+                parameters.options},
+               team);
+}
+
 void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   const StepView step = view(d);
   const double recovery_speed = parameters.options.recovery_speed;
-  plan.find(model, step, motion.trees(), parameters.options, resolved_length(), hit_frequency(),
-            rows, materials, data, team);
+  plan_rows(step);
   recall(step, rows, recovery_speed, data, team);
   if (!substep.impact.empty() && !std::isinf(recovery_speed))
     limit_compression(step, substep.impact, rows, data);
@@ -115,7 +133,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
 
 void Stepper::Impl::run_islands(mjData_* d) {
   const EnergyShares before = elastic_energy(rows, data, team);
-  microsteps.run(rows, motion.trees(), plan.islands(), motion.linked(),
+  microsteps.run(rows, motion.trees(), islands.all(), motion.linked(),
                  parameters.options.recovery_speed, clock.length, data, team);
   check_velocities();
   find_touched_trees();
@@ -123,7 +141,7 @@ void Stepper::Impl::run_islands(mjData_* d) {
   EnergyLedger& ledger = accounting.ledger();
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   recovery.assign(motion.trees().coordinates, 0.0);
-  for (const Island& island : plan.islands()) {
+  for (const Island& island : islands.all()) {
     stats.microsteps = std::max(stats.microsteps, island.microsteps);
     stats.clipped += island.clipped;
     const double strained =

@@ -30,8 +30,7 @@ constexpr int kLooks = 64;  // between two looks at the clock
 // How long the calling thread waits for others to take what is theirs, in looks: some microseconds,
 // after which to move it into other caches is the lesser evil.
 constexpr int kLooksBeforeTaking = 150;
-// And for what they have begun, before others may have its processor: a thread that the system has
-// stopped may wait for it.
+// And for what they began, before others may have the processor: a stopped thread may wait for it.
 constexpr int kLooksBeforeYielding = 5000;
 // In place of the number of a pass that a thread has seen.
 constexpr std::uint32_t kAsleep = 0xffffffffu;
@@ -64,8 +63,7 @@ void set_rounding(unsigned) {}
 // done, which the calling thread writes, and how much is done, which the other writes. Which chunks
 // are taken is in a third one, which the calling thread touches only where it takes some itself.
 struct Team::Impl {
-  // What a thread is to do. Written when it has read the one before, as `seen` says or what it has
-  // run.
+  // What a thread is to do. Written once it has read the one before, as `seen` says or what it ran.
   struct Order {
     Job job;
     int first = 0, chunks = 0;

@@ -1,12 +1,53 @@
-// What a geom may collide with.
+// What a geom may collide with: which pairs MuJoCo lets collide, and boxes that bound geoms.
 
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "dashpot/detect/reach.hpp"
 
 namespace dashpot::host {
+
+// Two geoms in the order in which MuJoCo's collisions take their types.
+struct CandidatePair {
+  std::array<int, 2> geom;
+  int defined = -1;     // index of the <pair> that defines it, -1 for none
+  unsigned bodies = 0;  // by which MuJoCo orders pairs
+  double within = 0.0;  // m, how far apart its contacts are looked for
+};
+
+// Two geoms in that order, `defined` by a <pair>, or -1.
+CandidatePair pair_of(const mjModel_* m, int geom1, int geom2, int defined);
+
+// MuJoCo's order: by bodies; of two bodies, what <pair>s define first.
+bool comes_before(const CandidatePair& a, const CandidatePair& b);
+
+// Whether MuJoCo lets two geoms collide that no <pair> names: by their bits, by bodies that are
+// welded or next to each other, and by exclusions. Filters that callbacks add are not asked.
+bool may_meet(const mjModel_* m, int geom1, int geom2);
+
+// Distance (m) at which contact of a pair starts, and how far beyond it contacts are detected.
+double margin_of(const mjModel_* m, const CandidatePair& pair);
+double gap_of(const mjModel_* m, const CandidatePair& pair);
+
+// Whether MuJoCo has a collision for geoms of their types.
+bool have_collision(const mjModel_* m, const CandidatePair& pair);
+
+// A box that bounds a geom, along its own axes: by its size, which may be edited alone, or as
+// MuJoCo has it for meshes and height fields. Planes have none.
+struct BoundingBox {
+  double centre[3];    // world, m
+  double half[3];      // half-widths, m
+  double rotation[9];  // row-major; columns: the axes in the world
+};
+BoundingBox bounding_box(const mjModel_* m, const mjData_* d, int geom);
+
+// Height (m) of the lowest point of a box over a plane geom.
+double height_over_plane(const mjData_* d, int plane, const BoundingBox& box);
+
+// The widest gap (m) that a face of either box leaves, negative for none: a bound on the distance.
+double boxes_apart(const BoundingBox& box1, const BoundingBox& box2);
 
 // A geom, and the distance (m) at which contact with it starts.
 struct BroadphaseNeighbour {

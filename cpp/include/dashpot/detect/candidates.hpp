@@ -11,18 +11,13 @@
 #include <array>
 #include <vector>
 
-#include "dashpot/detect/bounds.hpp"
+#include "dashpot/detect/broadphase.hpp"
 #include "dashpot/detect/joint_gaps.hpp"
-#include "dashpot/detect/pair_filters.hpp"
 #include "dashpot/threads/team.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 
 class Narrowing;
-struct ReachBuffers;
 
 // A pair whose contacts are looked for less far, see detect/narrowing.hpp.
 struct NarrowedPair {

@@ -5,9 +5,8 @@
 //
 // Boxes, meshes and ends of cylinders that lie flat on each other, meshes on planes: of two faces
 // tilted by a hair MuJoCo finds one crossing of their edges in some steps, and of those of meshes
-// some of the points that they share, other ones from step to step. There the contacts are all of
-// these points, see face_manifold.hpp; but for the complementarity-free law, which is published
-// with what MuJoCo finds.
+// some of the points that they share, other ones from step to step. There contacts are all of these
+// (face_manifold.hpp), but not for the complementarity-free law, which has MuJoCo's.
 //
 // Shapes whose nearest points MuJoCo searches for, all but spheres, planes and the pairs of
 // capsules and boxes: a search ends with a tolerance on the distance, a micrometre unless a model
@@ -21,9 +20,7 @@
 
 #pragma once
 
-struct mjModel_;
-struct mjData_;
-struct mjPreContact_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 
@@ -35,6 +32,13 @@ class Narrowing;
 // points where there are buffers for them; what MuJoCo has no room for waits there.
 class ReplacedCollisions {
  public:
+  // The model whose collisions are replaced, and with what.
+  struct Of {
+    mjModel_* model = nullptr;
+    FaceBuffers* faces = nullptr;
+    Narrowing* narrowing = nullptr;
+  };
+
   ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing);
   ~ReplacedCollisions();
   ReplacedCollisions(const ReplacedCollisions&) = delete;
@@ -44,17 +48,13 @@ class ReplacedCollisions {
   mjModel_* model_;
   int flags_;  // its own: an error of MuJoCo leaves what is changed for one pair
   double tolerance_;
-  mjModel_* outer_;  // a callback of collision may step another model
-  FaceBuffers* outer_faces_;
-  Narrowing* outer_narrowing_;
+  Of outer_;  // a callback of collision may step another model
 };
 
-// Distance (m) of two convex geoms, or `most` where it is that or more; while collisions are
-// replaced.
+// Distance (m) of two convex geoms, at most `most`; while collisions are replaced.
 double distance_of_convex(const mjModel_* m, mjData_* d, int geom1, int geom2, double most);
 
-// The contacts of two geoms as the present collisions find them, room for mjMAXCONPAIR of them;
-// returns how many.
+// The contacts (room for mjMAXCONPAIR) that present collisions find of two geoms; returns how many.
 int collide_all(const mjModel_* m, mjData_* d, int geom1, int geom2, double margin,
                 mjPreContact_* contact);
 

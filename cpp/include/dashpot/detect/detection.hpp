@@ -15,9 +15,6 @@
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/threads/team.hpp"
 
-struct mjModel_;
-struct mjData_;
-
 namespace dashpot::host {
 
 // MuJoCo's rows of contacts, which its force queries read: none, left out where the memory of the
@@ -63,11 +60,11 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
 // others on faces that lie flat, and the pull would turn bodies about the points that bear it.
 // Velocities may not be known yet, and do not count. Throws as detect() does.
 void find_present_contacts(mjModel_* m, mjData_* d, Detection& detection);
-// The same as detect() once more in this step, with the reach that detection.buffers now ask for at
-// least.
-void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-                  Detection& detection, std::vector<ContactInput>& contacts,
-                  std::vector<ConstraintInput>& constraints, Team& team);
+// The part of detect() that may be repeated within a step: the reach is at least what
+// detection.buffers ask for.
+void detect_rows(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+                 Detection& detection, std::vector<ContactInput>& contacts,
+                 std::vector<ConstraintInput>& constraints, Team& team);
 
 // While it lives, `d` holds kinematics, inertia, contacts and constraint rows, those of contacts as
 // `detection` asks, of the configuration to which smooth motion with `acceleration` (nv) brings it

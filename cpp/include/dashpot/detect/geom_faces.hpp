@@ -12,9 +12,7 @@
 #include "dashpot/geometry/flat_faces.hpp"
 #include "dashpot/geometry/hull.hpp"
 #include "dashpot/geometry/shallow_cap.hpp"
-
-struct mjModel_;
-struct mjData_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 
@@ -70,8 +68,7 @@ bool find_cap(const mjModel_* m, const GeomFace& mesh, const Eigen::Vector3d& up
 
 // Whether geoms of a type have faces to lie on: boxes, meshes, and cylinders with their flat ends.
 bool has_faces(int type);
-// The normal of the face that a geom has along a unit direction (world), within `cosine` of it;
-// none where there is none.
+// The normal of a geom's face along a unit direction (world), within `cosine` of it, or none.
 std::optional<Eigen::Vector3d> face_normal_along(const mjModel_* m, const mjData_* d, int geom,
                                                  const Eigen::Vector3d& direction, double cosine,
                                                  FaceBuffers& buffers);

@@ -4,18 +4,14 @@
 
 #include <vector>
 
-#include "dashpot/geometry/closest.hpp"
-#include "dashpot/geometry/shape.hpp"
-
-struct mjModel_;
-struct mjData_;
+#include "dashpot/geometry/query.hpp"
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot {
 
 namespace host {
 
-// The vertices of the hull in the frame of the mesh, m; all of the mesh where the model holds no
-// hull. The model must outlive it.
+// Vertices of a mesh's hull in its frame, m; all where there is no hull. The model must outlive it.
 class HullVertices {
  public:
   HullVertices(const mjModel_* m, int mesh);
@@ -41,9 +37,8 @@ HeightField height_field(const mjModel_* model, int id);
 Eigen::Matrix3Xd hull_vertices(const mjModel_* model, int mesh);
 
 // The shape of a geom; a mesh gives its convex hull, a height field borrows its heights from the
-// model. `geom` in [0, ngeom).
-// Throws std::invalid_argument naming the geom where it is a signed distance field, or has a bad
-// size.
+// model. `geom` in [0, ngeom). Throws std::invalid_argument naming the geom where it is a signed
+// distance field, or has a bad size.
 Shape geom_shape(const mjModel_* model, int geom);
 
 // Shapes of geoms, each made when it is first asked for, or has another type or mesh: a mesh's
@@ -75,23 +70,19 @@ Motion geom_motion(const mjModel_* model, const mjData_* data, int geom);
 // Whether queries cover the type of a geom: all but signed distance fields.
 bool has_shape(const mjModel_* model, int geom);
 
-// How thick a geom is and how far it reaches, m: half its least width (a mesh: along the axes of
-// its frame; a plane: infinite), the radius about its centre of its core (a plane: 0), and whether
-// turning about its z axis leaves it as it is, and whether its surface is curved everywhere, in one
-// direction at least.
+// How thick a geom is, how far it reaches, and how round it is.
 struct GeomBounds {
-  double half_width = 0.0;
-  double core_radius = 0.0;
-  bool is_revolution = false;
-  bool is_round = false;
+  double half_width = 0.0;     // m, of its least width (a mesh: along its axes; a plane: infinite)
+  double core_radius = 0.0;    // m, of its core about its centre (a plane: 0)
+  bool is_revolution = false;  // turning about its z axis leaves it as it is
+  bool is_round = false;       // its surface is curved everywhere, in one direction at least
 };
 GeomBounds geom_bounds(const mjModel_* model, int geom);
 
 // Motion of a body, `centre` as in geom_motion, of its spatial velocity: rotation and translation
 // (6) about the centre of mass of its tree, as in cvel.
 Motion body_motion(const mjModel_* model, const mjData_* data, int body, const double* spatial);
-// Motion of every body for the generalized velocities `qvel` (nv) at the positions of `data`;
-// `centre` as in geom_motion.
+// Motion of every body for velocities `qvel` (nv) at the positions of `data`, as body_motion.
 std::vector<Motion> body_motions(const mjModel_* model, const mjData_* data, const double* qvel);
 
 int geom_body(const mjModel_* model, int geom);

@@ -8,9 +8,7 @@
 #include <array>
 #include <vector>
 
-struct mjModel_;
-struct mjData_;
-struct mjContact_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 

@@ -16,11 +16,8 @@
 #include <vector>
 
 #include "dashpot/detect/candidates.hpp"
-#include "dashpot/detect/pair_filters.hpp"
 
 namespace dashpot::host {
-
-struct ReachBuffers;
 
 // Keeps its array from step to step.
 class Narrowing {

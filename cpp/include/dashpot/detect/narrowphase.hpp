@@ -12,8 +12,7 @@
 
 namespace dashpot::host {
 
-// Finds contacts, and puts them into mjData as mj_collision does, in the order of pairs. Keeps its
-// arrays from step to step.
+// Finds contacts, and puts them into mjData in the order of mj_collision. Keeps its arrays.
 class Narrowphase {
  public:
   // To be called where positions, velocities or the time step have changed.

@@ -7,10 +7,6 @@
 
 #include "dashpot/detect/collisions.hpp"
 
-struct mjModel_;
-struct mjData_;
-struct mjContact_;
-
 namespace dashpot::host {
 
 class Narrowing;
@@ -24,8 +20,7 @@ struct ReachBuffers {
   std::vector<double> dof_reach;            // by degree of freedom, m or rad
   // What reach covers at least: where rows take geoms and joints, see impact_propagation.hpp.
   std::vector<double> least_reach, least_dof_reach;
-  // Nothing, but joints as far as they went in the last step (nv, or null): rows may throw them
-  // back.
+  // Nothing, but joints as far as they went last (nv, or null): rows may throw them back.
   void start(const mjModel_* m, const double* last_displacement);
   // The gap (m) that the model gives two geoms itself, or the <pair> that defines them, if >= 0.
   double own_gap(const std::array<int, 2>& geom, int pair) const;

@@ -1,5 +1,4 @@
-// Contacts of bodies that turn, frozen in the middle of a step, or where they are when the force of
-// a hit acts.
+// Contacts of bodies that turn, frozen in the middle of a step, or when the force of a hit acts.
 //
 // Rows freeze the geometry over a step of length H. Frozen at its start, the force does not follow
 // the contact as it moves on, and the gap misses what curves it, g'' H^2 / 2, which recovery of
@@ -10,8 +9,7 @@
 // Collision of the pair alone is asked again (pair_ahead.hpp), with its geoms in the poses of the
 // middle. Gaps stay those of the start: from there the rates in the middle lead to those of the
 // end. Rates and slip in the middle are not those of the start and the end: what their change,
-// dJ/dt xi, adds is ContactInput::turning, without which dampers would take from every turn what
-// the next step finds.
+// dJ/dt xi, adds is ContactInput::turning. Without it dampers would take energy from every turn.
 //
 // What is left out of the gap is of third order: with T = dJ/dt xi of the normal, which bodies that
 // speed up change by dT/dt, the gap grows by
@@ -43,14 +41,12 @@
 
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
 #include "dashpot/threads/team.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 
@@ -71,8 +67,7 @@ class Scratch;
 // frames, also in `d`, and where they act on each body, for free bodies seen from where its centre
 // of mass is at the start. Times of contacts are counted from the places of the start, which may
 // lead. Contacts without a counterpart then stay as they are. `tree_ahead`, by tree, zeros before:
-// to which time (s) contacts of it were taken, that of the middle where they differ. `faces` are
-// kept from step to step.
+// to which time (s) contacts of it were taken, that of the middle where they differ.
 void freeze_contacts(mjModel_* m, mjData_* d, const TurningStep& step, FaceBuffers& faces,
                      Scratch& scratch, std::vector<ContactInput>& contacts,
                      std::vector<double>& tree_ahead, Team& team);

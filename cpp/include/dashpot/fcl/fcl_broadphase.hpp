@@ -1,5 +1,4 @@
-// Pairs of overlapping boxes by the Flexible Collision Library's dynamic AABB tree. The only room
-// that includes FCL.
+// Pairs of overlapping boxes by FCL's dynamic AABB tree. The only room that includes FCL.
 //
 // FCL's narrow phase is not used: the libfcl that Debian ships is built with assertions that abort
 // the process on nearly degenerate simplices.

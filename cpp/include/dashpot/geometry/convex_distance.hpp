@@ -57,4 +57,20 @@ std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose
 Distance refine_distance(const Shape& shape1, const Pose& pose1, const Shape& shape2,
                          const Pose& pose2, const Eigen::Vector3d& start, int rounds = 256);
 
+// Exact signed distance of two cores where there is a closed form: a plane against anything else;
+// point or segment against point or segment; point against box or cylinder. Empty for other pairs.
+std::optional<Distance> closed_form_distance(const Shape& shape1, const Pose& pose1,
+                                             const Shape& shape2, const Pose& pose2);
+
+struct Penetration {
+  Distance distance;   // distance.distance is proven along distance.normal; points where exact
+  double bound = 0.0;  // m: the signed distance lies between distance.distance and this
+  bool exact = false;  // the bounds met, at points of both cores
+};
+
+// Penetration of two overlapping cores: bounds that meet to 1e-10 of the cores' size, or to 1e-5
+// where many directions are nearly as short. Empty where the difference of the cores is flat.
+std::optional<Penetration> expand_polytope(const Shape& shape1, const Pose& pose1,
+                                           const Shape& shape2, const Pose& pose2);
+
 }  // namespace dashpot

@@ -22,8 +22,7 @@
 
 namespace dashpot {
 
-// Fixed points of the rim of a cylinder's end. Tilted, its lowest point takes the place of the
-// nearest of them.
+// Fixed points of the rim of a cylinder's end. Tilted, its lowest point replaces the nearest.
 inline constexpr int kCapCorners = 6;
 
 // A face in the world.

@@ -34,8 +34,7 @@ struct FlatFace {
 
 std::vector<FlatFace> flat_faces(const CoarseHull& hull);
 
-// The face whose normal is nearest to `direction` (unit, in the frame of the hull); null where
-// there are none.
+// The face whose normal is nearest to `direction` (unit, hull's frame); null where there is none.
 const FlatFace* face_along(const std::vector<FlatFace>& faces, const Eigen::Vector3d& direction);
 
 }  // namespace dashpot

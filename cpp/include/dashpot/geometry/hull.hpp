@@ -1,12 +1,11 @@
 // Convex hulls: of points, and of few of a mesh's vertices, with walks on it.
 //
 // Scans and exports have thousands of vertices where some would do. Of a bottom that is all but
-// flat, dozens lie within the depth of a contact: all of them touch, others from step to step, and
-// each is one more contact to solve. Vertices that stand out by less than a twenty-thousandth of
-// the radius do not count here, half of what those of one plane may be away from it
-// (flat_faces.hpp). Contacts that are pressed in by as much touch in a few corners, however fine
-// the mesh. Walks from corner to corner and from facet to facet find them, so that work does not
-// follow the number of either.
+// flat, dozens lie within the depth of a contact: all touch, others from step to step, each one
+// more contact to solve. Vertices that stand out by less than a twenty-thousandth of the radius do
+// not count here, half of what those of one plane may be away from it (flat_faces.hpp). Contacts
+// that are pressed in by as much touch in a few corners, however fine the mesh. Walks from corner
+// to corner and from facet to facet find them, so that work does not follow the number of either.
 
 #pragma once
 
@@ -30,8 +29,7 @@ class Hull {
   int count() const { return count_; }
   Eigen::Vector3d corner(int index) const { return {x_[index], y_[index], z_[index]}; }
   bool is_finite() const;
-  // The corner that is furthest along a direction (any length), the first of several. Not of a hull
-  // without corners.
+  // The corner furthest along a direction (any length), the first of several. Not of an empty hull.
   Eigen::Vector3d furthest_along(const Eigen::Vector3d& direction) const;
   // Radius (m) of the smallest ball about the origin that holds it.
   double extent() const { return extent_; }
@@ -74,9 +72,8 @@ struct CoarseHull {
   int farthest(const Eigen::Vector3d& direction, int from) const;
 };
 
-// The hull of some of these vertices (m), which no other stands out of by more than a fraction of
-// its radius (quickhull of Barber, Dobkin and Huhdanpaa, ended early). Without facets where they
-// span no volume.
+// The hull of some of these vertices (m); others stand out by a fraction of its radius at most
+// (quickhull of Barber, Dobkin and Huhdanpaa, ended early). No facets where they span no volume.
 CoarseHull coarse_hull(const Eigen::Matrix3Xd& vertices);
 
 }  // namespace dashpot

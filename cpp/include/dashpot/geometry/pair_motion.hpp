@@ -11,8 +11,7 @@
 
 namespace dashpot {
 
-// Relative motion in a step (of the half-width of the thinner geom), and turn (rad) of either, that
-// make a pair fast.
+// Motion in a step (of the thinner geom's half-width) and turn (rad) that make a pair fast.
 inline constexpr double kFastMotion = 0.25;
 inline constexpr double kFastTurn = 0.05;
 
@@ -54,8 +53,7 @@ struct PairMotion {
   double turn_rate(double speed, const Eigen::Vector3d& normal, double length) const;
   // Whether motion at `speed` over a whole `step` (s) is no longer small.
   bool is_fast(double speed, const Eigen::Vector3d& normal, double length, double step) const;
-  // Distance (m) where flight ends and contact begins: covers what motion over `length` departs
-  // from constant velocity by.
+  // Distance (m) where flight ends: covers how motion over `length` departs from constant velocity.
   double standoff(double length) const;
 
  private:

@@ -45,8 +45,7 @@ class ShallowCap {
   // Whether a corner is one of a facet that all but lies flat.
   bool is_of_cap(int corner) const;
   bool looks_down(int facet) const;
-  // How far a point lies inside of the side of a facet from its corner k, seen along `up`; of all
-  // points to one scale.
+  // How far a point lies inside the side of a facet from its corner k, along `up`; to one scale.
   double inside_of(const HullFacet& facet, int k, const Eigen::Vector3d& point) const;
   // How far a facet's plane lies above a point, along `up`, m.
   double height_over(const HullFacet& facet, const Eigen::Vector3d& point) const;

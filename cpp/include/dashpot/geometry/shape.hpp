@@ -2,8 +2,7 @@
 //
 // A convex shape is a core swept by a ball: the sphere is a point, the capsule a segment, each
 // swept by a ball of its radius; every other shape is its own core, with radius 0. Sweeping shifts
-// the signed distance of two convex sets by exactly the radii, inside as well as outside, so all
-// queries run on cores.
+// signed distances by exactly the radii, inside and outside, so all queries run on cores.
 
 #pragma once
 
@@ -78,8 +77,7 @@ struct Motion {
 // `pose` carried along `motion` for `time` seconds.
 Pose advance(const Pose& pose, const Motion& motion, double time);
 
-// Whether a shape has a core: planes, which are unbounded, and height fields, which are not convex,
-// have none.
+// Whether a shape has a core: planes (unbounded) and height fields (not convex) have none.
 bool has_core(const Shape& shape);
 
 // Radius (m) of the ball that sweeps the core of `shape`.

@@ -85,8 +85,7 @@ class Terrain {
   }
   // The triangle across an edge; none at the rim.
   std::optional<TerrainTriangle> across(const TerrainTriangle& triangle, int edge) const;
-  // Sine of the angle by which the surface rises across an edge, negative where the edge stands
-  // out. At the rim -1.
+  // Sine of the angle by which the surface rises across an edge, < 0 where it stands out; rim: -1.
   double bend(const TerrainTriangle& triangle, int edge) const;
   // Whether the surface is flat at all edges whose lines pass within `near` (m) of a point on a
   // triangle. False where these are of more triangles than meet at a vertex.
@@ -115,8 +114,7 @@ class Terrain {
   HeightFieldGrid grid_;
 };
 
-// Fractions of the geom's radius: by how much a contact may be less deep than one that it stands
-// for.
+// Fraction of the geom's radius by which a contact may be less deep than one that it stands for.
 inline constexpr double kAsDeep = 1e-5;
 
 struct TerrainContact {
@@ -156,8 +154,7 @@ class TerrainContacts {
   bool has_on_plane(const TerrainTriangle& triangle, const Eigen::Vector3d& point,
                     int surface) const;
   double deepest() const;  // least distance (m), 0 where nothing overlaps
-  // Of those of a round surface that are in one place the deepest stays; `way` (m) of the geom in
-  // the step.
+  // Of those of a round surface in one place the deepest stays; `way` (m) of the geom in the step.
   void merge(const Eigen::Vector3d& way);
 
  private:

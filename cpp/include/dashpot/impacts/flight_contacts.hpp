@@ -20,9 +20,8 @@
 // fly past its end, and meet the next one.
 //
 // The pair is followed along the parabolas of the centres of mass to its time of impact
-// (query.hpp), turning at the mean rates of the step, by a clearance that covers what those leave
-// out: with the angular accelerations alpha of the bodies and arms r about their centres, over the
-// step H
+// (query.hpp), turning at the mean rates, with a clearance for what those leave out: with the
+// angular accelerations alpha of the bodies and arms r about their centres, over the step H
 //
 //     (|alpha_1| r_1 + |alpha_2| r_2) H^2 / 8 .
 
@@ -54,8 +53,7 @@ struct Flight {
 // Keeps its arrays from step to step.
 class FlightContacts {
  public:
-  // Corrects the contacts of a step of `length` (s), also in `data`. `reach` is that of the
-  // detection that found them.
+  // Corrects the contacts of a step of `length` (s), also in `data`. `reach`: of their detection.
   void follow(const mjModel_* model, mjData_* data, const host::ReachBuffers& reach,
               const std::vector<ConstraintInput>& constraints, double length,
               std::vector<ContactInput>& contacts);

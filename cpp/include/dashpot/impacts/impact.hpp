@@ -29,9 +29,6 @@
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
-
-struct mjData_;
 
 namespace dashpot {
 

@@ -1,7 +1,6 @@
 // How much of the Verlet corrector of a step (trapezoid.hpp, with the symbols) trees take.
 //
-// Those that equalities couple share s, which is 1 to first order in H, and such that energy is
-// conserved:
+// Those that equalities couple share s, which is 1 to first order in H and conserves energy:
 //
 //     v1'M1 v1 / 2 = v'M0 v / 2 + ((p0 + p1) / 2 - f0) dq + integral of lambda (dJ/dt xi) t dt ,
 //
@@ -37,11 +36,9 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 
@@ -62,8 +59,7 @@ class CommonTranslations {
   int count(int first) const { return count_[first]; }
   // Whether any trees have the one of this number.
   bool any(int direction) const { return any_[direction]; }
-  // The motion of all trees at 1 m/s along that direction of theirs, by motion coordinate; 0 where
-  // they have none.
+  // The motion of all trees at 1 m/s along their directions, by motion coordinate; 0 without one.
   const std::vector<double>& motion(int direction) const { return motion_[direction]; }
 
  private:
@@ -129,8 +125,7 @@ struct CoupledEnergy {
   // v'M v / 2 and k'M k / 2 without what is in common translations.
   double inside() const { return kinetic - common_energy(0.0); }
   double half_inside() const;
-  // Where there is no s: the brake, of what equalities tie to the ground or rows alone hold, and s
-  // where the motion is smooth.
+  // Without s: the brake of what equalities tie to the ground or rows hold, and s of smooth motion.
   void correct_speed(bool on_ground);
 };
 

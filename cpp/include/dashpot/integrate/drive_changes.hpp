@@ -1,9 +1,8 @@
 // How forces of actuators, and those that users apply, change from step to step, and what of that
 // goes into the Verlet corrector of a step (trapezoid.hpp, with the symbols).
 //
-// Most often they follow from the motion: position servos, and controllers that are asked once a
-// step. Held over a step they would gain energy as springs do, from omega^2 H / 4. So a' has their
-// change
+// Most follow from the motion: position servos, and controllers that are asked once a step. Held
+// over a step they would gain energy as springs do, from omega^2 H / 4. So a' has their change
 //
 //     e' - (e - D0 (v1 - v0)),
 //
@@ -22,11 +21,9 @@
 
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/trees.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 
@@ -35,8 +32,7 @@ class DriveChanges {
  public:
   // At the start of a step: e, of which no change is known. `velocity`: generalized.
   void start(const mjModel_* model, const mjData_* d, const std::vector<double>& velocity);
-  // Finds what e of trees that have `left_corrector` (by tree) has changed by since the step
-  // `before`.
+  // Finds by what e of trees with `left_corrector` (by tree) has changed since the step `before`.
   void find(const mjModel_* model, const mjData_* d, const HeldMotion& before, const Trees& trees,
             const std::vector<char>& left_corrector);
   // Of what is followed, counts the part s of a tree.
@@ -46,15 +42,13 @@ class DriveChanges {
   void keep(const mjModel_* model, const Trees& trees, int tree, const double* before,
             const double* velocity, HeldMotion& now) const;
 
-  // By degree of freedom: the change that is followed, and what of it servos have because joints
-  // moved.
+  // By degree of freedom: the change that is followed, and its part in servos because joints moved.
   double followed_change(int dof) const { return followed_change_[dof]; }
   double servo_change(int dof) const { return servo_change_[dof]; }
 
  private:
   // By degree of freedom: e of this step; of its change since the last one, what servos have
-  // because joints moved, the rest, and what of both is followed; what of the rest has been
-  // followed so far.
+  // because joints moved, the rest, what of both is followed, and of the rest so far.
   std::vector<double> drive_, servo_change_, commanded_change_, followed_change_, followed_;
 };
 

@@ -1,5 +1,4 @@
-// The Verlet corrector of the trapezoidal rule, for linked trees in flight and under rows, and for
-// what equalities couple.
+// The Verlet corrector of the trapezoidal rule, of linked trees and of what equalities couple.
 //
 // Micro-steps see the smooth forces of the start of a step, and equalities its geometry. A motion
 // integrated so gains energy, in parts about omega^2 H / 2 a second. Velocity Verlet (RATTLE:
@@ -9,10 +8,9 @@
 //     v  +=  s H / 2 (a' - a),    a  = inv(H0) (f0 + g + J0' lambda),
 //                                 a' = inv(H1) (f1 + g + J1' lambda),
 //
-// f: smooth forces that follow from position and velocity alone, bias and springs; g: all other
-// forces, those of limits and contacts too, which have the geometry of the middle
-// (detect/turning.hpp); lambda: mean forces of the equality rows; H: length of the step; H0 and
-// H1: effective inertia.
+// f: smooth forces of position and velocity alone, bias and springs; g: all others, of limits and
+// contacts too, which have the geometry of the middle (detect/turning.hpp); lambda: mean forces of
+// the equality rows; H: length of the step; H0 and H1: effective inertia.
 //
 // Forces of actuators, and those that users apply, most often follow from the motion too. So a' has
 // their change e' - e, unless no s near 1 is left with it, or they jump (drive_changes.hpp).
@@ -30,9 +28,8 @@
 //     H^2 m g l / 2 I > 1,    l: from a joint to the centre of mass m of all that hangs on it,
 //
 // as the links of a rope on the floor about their own axes, that feeds on itself. There gravity is
-// that of the middle of the step, as contacts are (model/velocities.hpp): a load beside the
-// smooth forces in this step, and no part of the Verlet corrector, which then has springs alone for
-// p.
+// that of the middle of the step, as contacts are (model/velocities.hpp): a load beside the smooth
+// forces in this step, and no part of the Verlet corrector, which then has springs alone for p.
 //
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
 // (J1 - J0)' lambda, and contacts leave no Verlet corrector.
@@ -55,7 +52,6 @@
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 
@@ -84,13 +80,12 @@ class Trapezoid {
   void finish_last_step(const mjData_* d, const StepView& step, bool whole, TreeMotion& motion,
                         Rows& rows, RowData& data, EnergyLedger& ledger);
 
-  // At the end of the step: keeps in `memory` what its Verlet corrector needs, after
-  // Memory::remember.
+  // At the end of the step, after Memory::remember: keeps what its Verlet corrector needs.
   void keep(const mjData_* d, const EndOfStep& end, const TreeMotion& motion, Memory& memory,
             EnergyLedger& ledger);
 
-  // Of this step: whether a tree has second halves, and what was added to velocities, by motion
-  // coordinate; null where nothing was.
+  // Of this step: whether a tree has a Verlet corrector, and what was added to velocities, by
+  // motion coordinate; null where nothing was.
   bool holds(int tree) const { return !first_.empty() && first_[tree] >= 0; }
   bool is_coupled_by_equalities(int tree) const {
     return holds(tree) && coupled_[first_[tree]].by_equalities;
@@ -112,8 +107,7 @@ class Trapezoid {
   void find_potential_forces(const mjData_* d, const TreeMotion& motion);
   // Adds up what the equalities of the last step did: J1' lambda, and their work by turning.
   void recall_equalities(const StepView& step, const Rows& rows, const Trees& trees);
-  // Finds second halves and their s, anew without drives where these leave none; false where there
-  // is nothing to finish.
+  // Finds Verlet correctors and their s, without drives where these leave none; false without any.
   bool find_scales(const mjData_* d, double length, bool whole, const Memory& memory,
                    TreeMotion& motion);
   void find_corrector(const mjData_* d, const Memory& memory, TreeMotion& motion);
@@ -130,8 +124,7 @@ class Trapezoid {
   void find_common_momenta(const mjData_* d, const TreeMotion& motion);
   // Finds what tells whether springs and drives alone bring the Verlet corrector.
   void find_springs(const mjData_* d, const Memory& memory, const TreeMotion& motion);
-  // Corrects the speed of trees that have no s, where coupled_energy.hpp lets it; their equalities
-  // do not turn.
+  // Corrects the speed of trees without s, where coupled_energy.hpp lets it; no equalities turn.
   void correct_speeds();
   void book_corrector(EnergyLedger& ledger) const;
   void add_corrector(const Trees& trees, RowData& data);
@@ -144,17 +137,15 @@ class Trapezoid {
 
   // The steps of keep().
 
-  // Keeps the mean forces of equalities, also in `wrench_`, and the work that they did because they
-  // turned.
+  // Keeps the mean forces of equalities, also in `wrench_`, and the work that their turning did.
   void keep_equalities(const EndOfStep& end, Memory& memory, EnergyLedger& ledger);
-  // Keeps the length of the step for trees that it leaves a Verlet corrector of; returns whether
-  // there are any.
+  // Keeps the length of the step for trees that it leaves a Verlet corrector of; whether any are.
   bool keep_lengths(const EndOfStep& end, const TreeMotion& motion, HeldMotion& now) const;
   void keep_tree(const mjData_* d, const EndOfStep& end, int tree, const TreeMotion& motion,
                  HeldMotion& now);
 
   const mjModel_* model_;
-  std::vector<int> first_;  // by tree, see coupled_energy.hpp; -1 where it has no second halves
+  std::vector<int> first_;  // by tree, see coupled_energy.hpp; -1 without a Verlet corrector
   HoldingRows holding_rows_;
   CommonTranslations translations_;
   DriveChanges drives_;

@@ -67,8 +67,7 @@ class TreeMotion {
   void damp_in_microsteps(const mjData_* d, int tree, bool is_held);
   // Lets the springs of its joints act there (model/springs_and_dampers.hpp).
   void spring_in_microsteps(int tree);
-  // Fills in inv(H) of a tree, or of all that were asked for, which is that of another step until
-  // then.
+  // Fills in inv(H) of a tree, or of all that were asked for: until then that of another step.
   void invert_inertia(const mjData_* d, int tree);
   void ask_for_inverse(const std::array<int, 2>& trees);
   void invert_inertia(const mjData_* d, Team& team);

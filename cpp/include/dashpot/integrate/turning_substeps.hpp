@@ -20,8 +20,7 @@
 //
 // Of trees that rows hold, what joints hang on carries their axes along, and with them the axes
 // along which weight and contacts cancel. The rows have those of the middle, H and what joints damp
-// those of the start. So a step in which an axis is carried on by more than kSubstepTurn is taken
-// in substeps, too.
+// those of the start. So a step that carries an axis on by more than kSubstepTurn has substeps.
 //
 // Equalities turn with what they couple, and the velocities at the end of a step, which lack its
 // Verlet corrector (trapezoid.hpp), have an energy that is off by half the square of the angle. So
@@ -33,8 +32,8 @@
 #include <vector>
 
 #include "dashpot/integrate/tree_motion.hpp"
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 
@@ -53,8 +52,7 @@ double substep_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& m
 double substep_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const RowData& data,
                               const std::vector<char>& touched, const StepClock& clock);
 
-// The same where a row of an equality has been found to turn by `turn` (rad) in the present
-// substep.
+// The same where a row of an equality turns by `turn` (rad) in the present substep.
 double substep_of_turning_rows(double turn, const StepClock& clock);
 
 }  // namespace dashpot

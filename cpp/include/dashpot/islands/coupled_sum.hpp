@@ -46,8 +46,7 @@ class CoupledSum {
   // Adds `dim` rows of a group from the row `first` on over one of its trees, `weight` for each.
   void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side, int first,
            int dim, const double* weight);
-  // The same of a whole group, whose first row goes to one sum, unless it is dry friction, and the
-  // others to another.
+  // The same of a group: its first row goes to one sum, unless dry friction, the others to another.
   static void add_contact(const Rows& rows, const Trees& trees, const RowGroup& group, int side,
                           const double* weight, CoupledSum& normal, CoupledSum& friction);
   bool empty(int tree) const { return empty_[tree]; }

@@ -7,9 +7,8 @@
 
 #include "dashpot/law/material.hpp"
 #include "dashpot/law/parameters.hpp"
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
-
-struct mjModel_;
 
 namespace dashpot {
 
@@ -26,8 +25,7 @@ struct GroupMaterial {
   double load = 0.0;                  // A F, m/s^2, that the model's own solref is read at
   bool is_clamped = false;            // of a body between others (solref_load.hpp)
 
-  // Its stiffness is in SI units, which micro-steps have to resolve as they are; that of all others
-  // goes by what they resolve.
+  // Its stiffness is in SI units, which micro-steps have to resolve; all others go by these.
   bool has_si_stiffness() const { return !from_solref && !material.rigid; }
   // Nothing limits that: neither a stiffness nor a solref was given.
   bool is_rigid() const { return !from_solref && material.rigid; }

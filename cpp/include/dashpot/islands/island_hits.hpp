@@ -1,5 +1,4 @@
-// What is hit in a step, which islands are of two trees that hit each other alone, and what stays
-// open.
+// What is hit in a step, which islands are of two trees that hit each other alone, what stays open.
 
 #pragma once
 
@@ -7,17 +6,16 @@
 
 #include "dashpot/islands/islands.hpp"
 #include "dashpot/rows/hit.hpp"
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 
 // Fills in what is hit, and isolated pairs, in `data`: of islands of few groups contacts and limits
 // that touch in the step and are hit, or fly off. Two trees, or one and the ground, are alone where
-// nothing else disturbs their hit (hit.hpp), whatever else was found ahead. What hangs at its
-// deepest at the start of a step has no rate to tell it by: hits of isolated pairs go on for one
-// step after.
+// nothing else disturbs their hit (hit.hpp), whatever else was found ahead. At its deepest a hit
+// has no rate to tell it by: those of isolated pairs go on for one step after.
 void find_hits(const StepView& step, const Rows& rows, const std::vector<Island>& islands,
                const HitFrequency& frequency, RowData& data);
 
@@ -36,8 +34,7 @@ void find_hits(const StepView& step, const Rows& rows, const std::vector<Island>
 // that close or open as fast as hits do (hit_speed) leave out nothing. Nor do islands of few groups
 // that are hit: the blow runs through them, as through a row of balls, on springs of one stiffness.
 //
-// By group, from the velocities and smooth accelerations in `data`: whether it is one that stays
-// open.
+// By group, from the velocities and smooth accelerations in `data`: whether it stays open.
 void find_inactive_contacts(const StepView& step, const Rows& rows,
                             const std::vector<Island>& islands, int tree_count, const RowData& data,
                             std::vector<char>& stays_open);

@@ -2,8 +2,7 @@
 //
 // Rigid ones have one stiffness, k = kappa / w with the mean w of those that do not stay open.
 // Statics leaves open how feet of one body share its weight. By a w of their own those near the
-// centre of mass would bear most of it, and wheels turn about their inner rims. Parts of a flex are
-// bodies of their own.
+// centre of mass would bear most, and wheels turn about inner rims. Parts of a flex are bodies.
 //
 // A damping ratio, and the restitution that follows from it, belongs to a vibration. That of one
 // contact alone has the square frequency w k. A body that lands flat vibrates on all of its
@@ -24,7 +23,6 @@
 #include <vector>
 
 #include "dashpot/islands/group_material.hpp"
-#include "dashpot/lanes/aligned.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 

@@ -2,9 +2,8 @@
 //
 // A material in SI units gives them in N/m and N s/m. Rigid rows are as stiff as micro-steps of h
 // resolve: k = kappa / w, d = delta / w, w of normals being the mean of the contacts between two
-// bodies (modal_damping.hpp). With c the bound of the unit-weighted rows, diag(A) = 1 in
-// these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
-// resolved:
+// bodies (modal_damping.hpp). With c the bound of the unit-weighted rows, diag(A) = 1 in these
+// units, the flow of every row on its own is exact and only the coupling c - 1 has to be resolved:
 //
 //     kappa (c - 1) h^2 <= theta^2,   kappa h^2 <= kStiffestAlone,
 //     delta_n (c_n - 1) h <= theta,   delta_t (c_t - 1) h <= theta
@@ -65,8 +64,7 @@ double stiffest_rigid(double bound);
 // as the normal gives way where that is higher.
 void fill_given_rows(Rows& rows, const RowGroup& group, const Material& material);
 
-// A micro-step (s), one as long or longer whose resolution stiffness is limited by, and whether it
-// is one of a hit.
+// A micro-step (s), one no shorter that limits stiffness, and whether it is one of a hit.
 struct RigidMicrostep {
   double duration = 0.0, of_stiffness = 0.0;
   bool hit = false;
@@ -78,10 +76,9 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& group, const GroupMaterial& giv
                      const RigidCoupling& coupling, const DeflectionTime& deflection_time,
                      const RigidMicrostep& microstep);
 
-// Longest micro-step (s) at which the rows of a rigid group are stiff enough for a heavy body on a
-// light one, or for one that is driven against dry friction, and as damped as their restitution
-// says at the stiffness that weights need. Rows of a model's own solref need not be stiffer than it
-// says.
+// Longest micro-step (s) at which a rigid group is stiff enough for a heavy body on a light one, or
+// for one that is driven against dry friction, and as damped as its restitution says at the
+// stiffness that weights need. Rows of a model's own solref need not be stiffer than it says.
 double longest_rigid_microstep(const Rows& rows, const RowGroup& group, const GroupMaterial& given,
                                const RigidCoupling& coupling,
                                const DeflectionTime& deflection_time);

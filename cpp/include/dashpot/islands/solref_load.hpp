@@ -30,8 +30,8 @@
 #include <vector>
 
 #include "dashpot/islands/group_material.hpp"
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 
@@ -54,8 +54,7 @@ bool read_solref_at_load(const StepView& step, const AlignedDoubles& velocity, R
 // adds, unless a body is pressed between others, as in a gripper: of what presses it, or presses it
 // on against something else, the body itself is no part. Such a side adds nothing to 1/M.
 //
-// Sets the damping of contacts of bodies that are pressed between others and follow the model's own
-// solref.
+// Sets the damping of contacts of bodies pressed between others that follow the model's own solref.
 void damp_clamped_bodies(const mjModel_* model, const std::vector<ContactInput>& contacts,
                          const Rows& rows, std::vector<GroupMaterial>& materials);
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "dashpot/islands/row_stiffness.hpp"
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 #include "dashpot/threads/team.hpp"
 
 namespace dashpot {

@@ -19,9 +19,9 @@
 #include "dashpot/islands/islands.hpp"
 #include "dashpot/lanes/aligned.hpp"
 #include "dashpot/rows/held_inertia.hpp"
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 

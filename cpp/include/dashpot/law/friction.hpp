@@ -45,8 +45,7 @@ double share_under_load(double s, double F, double normal_force);
 double radial_return(const double* impulse, const double* mu, int n, double normal_impulse);
 
 // Brings impulse[0..n) onto or inside the limit surface as above; true if nothing had to slip.
-// response[i] = c_i >= 0, of which only the proportions matter. Directions with mu[i] = 0 carry
-// nothing.
+// response[i] = c_i >= 0, whose proportions alone matter. Directions with mu[i] = 0 carry nothing.
 bool return_to_limit(double* impulse, const double* mu, const double* response, int n,
                      double normal_impulse);
 

@@ -5,8 +5,7 @@
 //
 //     f = (a_ref - a) / R ,    a_ref = -b v - d k x ,
 //
-// a being its acceleration, and k and b the numbers of solref_to_spring. So a load F at rest
-// deforms it by
+// a: its acceleration, k and b: the numbers of solref_to_spring. A load F at rest deforms it by
 //
 //     x = (1 - d) A F / (d^2 k) ,
 //
@@ -39,8 +38,7 @@ double impedance(const std::array<double, 5>& solimp, double gap);
 std::array<double, 2> solref_to_spring(double ref0, double ref1, double impedance_width);
 
 // kappa (1/s^2) and the damper (1/s) for the fraction p >= 0, delta for 1, at the impedance that a
-// row has at rest under a load A F (m/s^2 or rad/s^2, > 0 or infinite). Throws as solref_to_spring
-// does.
+// row has at rest under a load A F (m/s^2 or rad/s^2, > 0 or infinite). Throws as solref_to_spring.
 std::array<double, 2> solref_to_spring_at_rest(const std::array<double, 2>& solref,
                                                const std::array<double, 5>& solimp, double load,
                                                double part = 1.0);

@@ -13,10 +13,8 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/threads/team.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 

@@ -8,8 +8,7 @@
 #include <cstring>
 #include <vector>
 
-struct mjModel_;
-struct mjData_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 

@@ -1,15 +1,12 @@
 // Where scalar constraints have their memory (rows/memory.hpp): ConstraintInput::memory of the
-// first row that each of them may have. Its others follow. And which rows what sleeps, or was moved
-// by hand, may have.
+// first row of each; its others follow. And which rows are of what sleeps, or was moved by hand.
 
 #pragma once
 
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/memory.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 

@@ -5,11 +5,8 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
-
-struct mjModel_;
-struct mjData_;
-struct mjContact_;
 
 namespace dashpot::host {
 
@@ -21,11 +18,9 @@ bool read_contact(const mjModel_* m, const mjData_* d, int index, ContactInput& 
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
 // Appends `count` contacts that are yet to be filled in, first in the arena, as mj_addContact has
-// them; it forgets about rows each time. Whether they fit into the memory of the model; if not,
-// none are added.
+// them; it forgets about rows each time. False, and none, where the model's memory is too small.
 bool make_room_for_contacts(mjData_* d, int count);
-// The frame (9) that MuJoCo gives a contact of this normal, and of a tangent where a collision
-// finds one.
+// The frame (9) that MuJoCo gives a contact of this normal, and tangent where collision finds one.
 void set_frame(const double* normal, double* frame);
 void set_frame(const double* normal, const double* tangent, double* frame);
 // Gives a contact another position, normal (both world) and gap, also in `d`.
@@ -45,8 +40,7 @@ std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int ind
 // Index of the <pair> that defines the contacts of two geoms, in any order; -1 for none.
 int defining_pair(const mjModel_* m, int geom1, int geom2);
 
-// Gaps (m) by geom, by <pair> and by flex: a model's own, or what they were before they were
-// widened.
+// Gaps (m) by geom, <pair> and flex: a model's own, or what they were before they were widened.
 struct GapArrays {
   const double *geom, *pair, *flex;
 };

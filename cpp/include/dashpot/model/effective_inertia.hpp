@@ -36,9 +36,8 @@ void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, do
 // takes over those of `discrete`.
 void prepare_effective_inertia(const mjModel_* m, mjData_* d, Trees& trees);
 // Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
-// factor_inertia. Derivatives with which none is left are changed, see springs_and_dampers.hpp.
-// `parts` as read_welded_parts leaves them. Throws DivergenceError, naming a joint, where M is
-// singular.
+// factor_inertia. Derivatives that leave none are changed, see springs_and_dampers.hpp. `parts` as
+// read_welded_parts leaves them. Throws DivergenceError, naming a joint, where M is singular.
 void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<WeldedParts>& parts,
                             Trees& trees, Team& team);
 // Of a sparse tree whose springs couple its bodies: the factor of H, unless the step has it.

@@ -20,8 +20,7 @@ namespace dashpot::host {
 
 class ElasticForces {
  public:
-  // Finds which free bodies such forces act on, and what these are in half of a step of `length`
-  // (s).
+  // Finds which free bodies such forces act on, and these in half of a step of `length` (s).
   void find(const mjModel_* m, const mjData_* d, double length);
   // Whether any acts on a tree, a free body.
   bool act_on(int tree) const { return any_ && acts_[tree]; }
@@ -44,8 +43,7 @@ class ElasticForces {
   std::vector<double> now_, then_, servo_change_;  // (nv)
 };
 
-// Elastic energy of flexes, which MuJoCo's own potential energy has for edge springs of lines
-// alone.
+// Elastic energy of flexes; MuJoCo's own potential energy has that of springs of lines alone.
 
 // Energy (J) that stretched elements and bent edges of flexes store where the kinematics of `data`
 // last left their vertices: what MuJoCo's passive forces, qfrc_spring, are the gradient of. None of

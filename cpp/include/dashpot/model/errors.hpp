@@ -12,9 +12,7 @@
 #include <stdexcept>
 #include <string>
 
-struct mjModel_;
-struct mjData_;
-struct mjLogMessage_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 
@@ -54,8 +52,7 @@ std::string named(const mjModel_* m, int type, int id);
 // The same for a side of a contact: a geom, or the flex -1 - geom.
 std::string contact_side(const mjModel_* m, int geom);
 
-// The joint, tendon or equality that a row of MuJoCo's constraints comes from, and what
-// of it: "limit of joint 'knee'".
+// The joint, tendon or equality of a row of MuJoCo's constraints, as "limit of joint 'knee'".
 std::string constraint_name(const mjModel_* m, const mjData_* d, int row);
 
 }  // namespace dashpot::host

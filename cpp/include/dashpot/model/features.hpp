@@ -6,8 +6,7 @@
 #include <vector>
 
 #include "dashpot/law/parameters.hpp"
-
-struct mjModel_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot::host {
 

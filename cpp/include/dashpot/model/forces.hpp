@@ -5,10 +5,8 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/trees.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 
@@ -20,13 +18,11 @@ double positional_force(const mjData_* d, int dof);
 double potential_force(const mjModel_* m, const mjData_* d, int dof);
 // Of that, what springs have.
 double spring_force(const mjData_* d, int dof);
-// Those of all degrees of freedom (nv): of dampers and fluids; of actuators, applied forces and
-// gravity compensation.
+// Of all degrees of freedom (nv): of dampers and fluids; actuators, applied, gravity compensation.
 void damping_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
 void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
 // The driving forces but gravity compensation (nv): with implicit integrators those of dampers too,
-// with others without explicit damping of servos that is strong for the step. At the start of a
-// step from `velocity`.
+// with others without strong explicit damping of servos. At the start of a step from `velocity`.
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force);
 // What an actuator's force falls by with its length, N/m or N m/rad: of servos, whose bias is
@@ -43,8 +39,7 @@ void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double*
 // Work (J) of gravity and passive springs over a displacement (nv) from where the step started.
 double potential_work(const mjModel_* m, const mjData_* d, const double* displacement);
 
-// Kinetic and potential energy of the present state, J, with what flexes store. Overwrites what the
-// last step computed.
+// Kinetic and potential energy of the present state, J, with flexes'. Overwrites the last step's.
 std::array<double, 2> mechanical_energy(const mjModel_* m, mjData_* d);
 
 // Work of the smooth forces over a step.

@@ -8,10 +8,8 @@
 #include <functional>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 
@@ -27,8 +25,7 @@ enum class Sensors { kForCallbacks, kStay };
 void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
                   const FindContacts& find_contacts);
 
-// Makes the sensors of positions and velocities anew where some of them look at contacts, which are
-// not those of detection any more.
+// Makes sensors of positions and velocities anew where some look at contacts, which changed.
 void make_contact_sensors(const mjModel_* m, mjData_* d);
 
 // Sets the generalized forces of rows (nv), qfrc_constraint, and qacc, which follows from them and

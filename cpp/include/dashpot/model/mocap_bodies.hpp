@@ -7,24 +7,20 @@
 #include <cstddef>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/memory.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 
-// Their numbers: mocap bodies in their order, then those whose parent is the world and that have no
-// joint.
+// Their numbers: mocap bodies in their order, then children of the world without a joint.
 std::vector<int> driven_bodies(const mjModel_* m);
 // Whether a body is fixed to the world, or to one of these.
 bool is_fixed(const mjModel_* m, int body);
 // Rotation and translation (6, as in cvel and about the same point) by which one of these takes a
 // body along that is fixed to it or hangs on it by joints; null for all others.
 const double* mocap_twist(const mjModel_* m, const mjData_* d, int body);
-// Whether a connect or weld holds something to a mocap body. What it pulls at may not be able to
-// follow, and a rigid row would tear at it: such rows are as soft as their solref says, MuJoCo's
-// default too.
+// Whether a connect or weld holds something to a mocap body. What it pulls at may be unable to
+// follow, and a rigid row would tear at it: such rows are as soft as their solref, set or default.
 bool is_held_by_mocap(const mjModel_* m, int equality);
 // Whether an equality is a connect or weld of a mocap body, by its index among them, or of what is
 // fixed to it; and whether any active one is.
@@ -74,8 +70,7 @@ class MocapPlaces {
   // The pose that it had at the start of the step, its quaternion as it was given.
   const MocapPose& given(size_t index) const { return place_[index].given; }
   void put(size_t index, const MocapPose& pose);
-  // Takes fixed bodies to where they are put, which MuJoCo's kinematics leave where they were if
-  // trees may sleep.
+  // Takes fixed bodies to where they are put; MuJoCo's kinematics do not if trees may sleep.
   void update_fixed_bodies();
 
  private:
@@ -92,8 +87,7 @@ class MocapPlaces {
   std::vector<MocapPlace>& place_;
 };
 
-// Poses that users set in jumps: when a body is to be there, which jumps are motions, and how these
-// accelerate it.
+// Poses set in jumps: when a body is to be there, which jumps are motions, their acceleration.
 //
 // Poses that follow on one another within 0.1 s (five time constants) have a rhythm: a body goes at
 // a constant velocity to be where it is told when the next pose comes. Told in every step it is

@@ -15,15 +15,13 @@
 // of rotation. T is 20 ms by default, MuJoCo's time constant, so that a weld that nothing loads
 // moves as MuJoCo's does. T = 0 has every body arrive at the end of the step.
 //
-// Within a step its velocity is linear about the mean v_n, with the acceleration a_n of
-// mocap_bodies.hpp.
+// In a step its velocity is linear about the mean v_n, with the a_n of mocap_bodies.hpp.
 //
 // Contacts see a_n along the gap and of sliding, as an acceleration of their surfaces
 // (ContactInput::surface_acceleration) about v_n. Spin and rolling of contacts, equalities and
 // tendons see v_n alone: springs of either sign take up what it jumps by. In steps that are taken
 // in substeps a_n is that of the whole step, and v of each substep, in cvel too, the mean of v(t)
-// over it. A body that equalities hold to has a_n = 0, so that it is where they see it wherever a
-// substep ends.
+// over it. A body that equalities hold to has a_n = 0: it is where they see it at ends of substeps.
 
 #pragma once
 
@@ -81,8 +79,7 @@ class MocapMotion {
   bool moves(int geom) const;
   // Puts the bodies where they are a time (s) after the start of the substep.
   void show(double time);
-  // Work (J) that taking the bodies, and what hangs on them, through the part of `length` does
-  // against gravity.
+  // Work (J) against gravity of taking the bodies, and what hangs on them, through `length`.
   double work_against_gravity(double length) const;
   // Ends the substep, of `length`.
   void advance(double length);

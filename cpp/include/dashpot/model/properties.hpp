@@ -4,9 +4,8 @@
 
 #include <array>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
-
-struct mjModel_;
 
 namespace dashpot::host {
 

@@ -11,10 +11,8 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/memory.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 
@@ -26,8 +24,7 @@ bool rest_asleep(const mjModel_* m, const mjData_* d, const std::array<int, 2>& 
 
 // Wakes a tree and those that fell asleep with it.
 void wake(const mjModel_* m, mjData_* d, int tree);
-// Wakes what equalities hold or held that were switched on or off meanwhile, which the memory of
-// their rows tells.
+// Wakes what equalities hold or held that were switched meanwhile, as memory of their rows tells.
 void wake_switched(const mjModel_* m, mjData_* d, const Memory& memory);
 
 // Counts the step for all trees that are awake, and returns those of them that fall asleep, none of

@@ -6,11 +6,9 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 
@@ -32,8 +30,7 @@ struct RowDamper {
   std::array<double, 3> coefficient;  // of (c + c_1 |v| + c_2 v^2) v
 };
 
-// While it lives, the model is without the dampers that act as rows, which are kept in `dampers`:
-// none where `any` is false.
+// While it lives, the model is without the dampers that act as rows, kept in `dampers`, if `any`.
 class DampersInRows {
  public:
   DampersInRows(mjModel_* m, bool any, std::vector<RowDamper>& dampers);
@@ -72,8 +69,7 @@ double damper_inverse_mass(const mjModel_* m, int source);
 // Changes the derivatives of a tree so that M + h D, h the time step, is positive definite if M is.
 void keep_what_damps(const mjModel_* m, mjData_* d, int tree);
 
-// The smooth acceleration of a tree by all of its derivatives, as MuJoCo finds it. False where they
-// are all but singular.
+// The smooth acceleration of a tree by all its derivatives, as MuJoCo's. False where near singular.
 bool solve_whole(const mjModel_* m, const mjData_* d, const Tree& t, double* acceleration);
 
 }  // namespace dashpot::host

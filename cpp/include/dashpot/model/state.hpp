@@ -44,8 +44,7 @@ double* memory(const mjModel_* m, mjData_* d, int size);
 // step writes to: views of one model step side by side.
 class ModelView {
  public:
-  // Of the model as it is now; `model` must outlive the view, and what is shared must not change
-  // meanwhile.
+  // Of the model as it is now; `model` must outlive the view, and what is shared stays unchanged.
   explicit ModelView(const mjModel_* model);
   ModelView(ModelView&&) noexcept;
   ~ModelView();

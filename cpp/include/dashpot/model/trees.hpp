@@ -2,10 +2,8 @@
 
 #pragma once
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/trees.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 

@@ -5,11 +5,9 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot::host {
 
@@ -25,8 +23,7 @@ void velocity_of_point(const mjModel_* m, const mjData_* d, int body, const doub
 // The same at the velocities last computed.
 void point_velocity(const mjModel_* m, const mjData_* d, int body, const double* point,
                     double* velocity);
-// Velocity of geom 2 relative to geom 1 at the contact, in its frame (m/s), at the positions and
-// velocities last computed.
+// Velocity (m/s) of geom 2 to geom 1 at the contact, in its frame, as last computed.
 std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
                                        const ContactInput& input);
 
@@ -72,8 +69,7 @@ void add_gravity_ahead(const mjModel_* m, const mjData_* d, int tree, double tim
 
 // Whether a body of a tree whose inverse inertia is known has a joint with t^2 m g l / 2 I of
 // `least` or more, t: `time` (s): by how much gravity that lags by t / 2 turns a part, relative to
-// what this has turned in t. m: mass of all that hangs on a joint, l: how far its centre is from
-// that.
+// what this has turned in t. m: mass of what hangs on a joint, l: how far its centre is from that.
 bool has_light_part(const mjModel_* m, const mjData_* d, const Trees& trees, int tree, double time,
                     double least);
 

@@ -75,9 +75,8 @@ double brake_translation(FreeBody& body, const Eigen::Vector3d& change, double e
 // The coordinates of a free body (trees.hpp) without their zeros.
 Vector6 without_zeros(const double* coordinates);
 
-// The same between generalized coordinates (origin, rotation in the body frame) and the centre of
-// mass (world axes), in the frozen frame: velocities and accelerations go to the centre, forces
-// come from there.
+// The same between generalized coordinates (origin, body frame) and the centre of mass (world axes)
+// in the frozen frame: velocities and accelerations go to the centre, forces come from there.
 Vector6 motion_of_centre(const FreeMotion& motion, const Vector6& generalized);
 Vector6 motion_of_origin(const FreeMotion& motion, const Vector6& centre);
 Vector6 generalized_force(const FreeMotion& motion, const Vector6& wrench);

@@ -21,16 +21,14 @@ struct Rotation {
 // Angular velocity in the world, rad/s, of a body with principal moments `inertia` (kg m^2).
 Eigen::Vector3d angular_velocity(const Rotation& rotation, const Eigen::Vector3d& inertia);
 
-// Angular momentum, kg m^2/s, of a world angular velocity `omega` (rad/s) at a principal
-// orientation.
+// Angular momentum, kg m^2/s, of a world `omega` (rad/s) at a principal orientation.
 Eigen::Vector3d momentum_of(const Eigen::Quaterniond& orientation, const Eigen::Vector3d& inertia,
                             const Eigen::Vector3d& omega);
 
 // The rotation by an angle (rad) about the axis along which it points.
 Eigen::Quaterniond rotation_of(const Eigen::Vector3d& angle);
 
-// Advances a rotation by `time` (s) under a constant world `torque` (N m); `rough` within about
-// 1e-6 instead of rounding.
+// Advances a rotation by `time` (s) under a constant world `torque` (N m); `rough`: to about 1e-6.
 Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
                      const Eigen::Vector3d& torque, double time, bool rough = false);
 

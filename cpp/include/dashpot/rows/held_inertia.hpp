@@ -3,8 +3,7 @@
 //     H + J' inv(R) J .
 //
 // Each line of the factor begins at the first coordinate that anything couples it to. Chains and
-// nets keep theirs short where trees that many rows reach, as the hull of a tracked vehicle, come
-// last.
+// nets keep theirs short where trees that many rows reach, as a tracked vehicle's hull, are last.
 
 #pragma once
 

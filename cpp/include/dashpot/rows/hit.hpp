@@ -67,8 +67,7 @@ double centre_of_hit(double frequency, double compression, double closing_speed,
 // Whether two contacts are between the same two trees, one of which may be the ground.
 bool joins_same_trees(const std::array<int, 2>& a, const std::array<int, 2>& b);
 
-// When a gap (m) that closes at a speed (m/s) is closed: 0 if it is, infinite if it is not within
-// `length` (s).
+// When (s) a gap (m) closes at a speed (m/s): 0 if closed, infinite if not within `length` (s).
 double onset_in(double length, double gap, double closing_speed);
 
 // When a hit that begins at `onset` (s) is at its deepest: a quarter of a period later.

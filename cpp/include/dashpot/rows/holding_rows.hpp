@@ -1,5 +1,4 @@
-// Rows that hold a tree against the ground from one step to the next, and what they leave of a
-// change of its velocity.
+// Rows that hold a tree against the ground between steps, and what they leave of velocity changes.
 //
 // What smooth forces gain within a step (trapezoid.hpp) moves a tree only as far
 // as its rows let it: a foot on the floor bears what the spring of its leg gains. Of a change k of
@@ -14,8 +13,7 @@
 //
 //     J' p = -H (what was taken)
 //
-// are unique but for such rows; these share so that the sum of w p^2 is least, w = diag(J inv(H)
-// J').
+// are unique but for such rows; these share so that sum w p^2 is least, w = diag(J inv(H) J').
 //
 // A row holds if it is compressed at the end of a step, its friction if it sticks, and if its
 // spring is too stiff for the step to see it swing, K w H^2 > 1. Rows between two trees hold
@@ -36,15 +34,13 @@
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 
 // Keeps its arrays from step to step.
 class HoldingRows {
  public:
-  // Finds the rows that held at the end of the last step. Needs inv(H) of trees on which rows act,
-  // as all that follows does.
+  // Finds the rows that held at the end of the last step. Needs inv(H) of trees on which rows act.
   void find_at_start(const StepView& step, const Rows& rows, const RowData& data,
                      const Trees& trees);
 

@@ -1,7 +1,7 @@
 // Memory carried from step to step in mjData's user data: the compression and the elastic
 // displacement of every compressed contact, the deformation of every limit, equality and
-// dry-friction row, the motion of mocap bodies, and the energy ledger.
-// recall.hpp has what rows take from it.
+// dry-friction row, the motion of mocap bodies, and the energy ledger. And a view of one step that
+// has it. recall.hpp has what rows take from it.
 
 #pragma once
 
@@ -78,8 +78,7 @@ struct HeldMotion {
   double* displacement = nullptr;   // over the step, by degree of freedom
   double* potential = nullptr;      // p, by degree of freedom
   double* drive = nullptr;          // e, by degree of freedom
-  // What e had changed by since the step before but what servos have because joints move, by the
-  // same.
+  // Change of e since the step before without that of servos because joints move, by the same.
   double* commanded_change = nullptr;
   double* followed = nullptr;      // and of all such changes, what was followed
   double* acceleration = nullptr;  // a, by motion coordinate
@@ -104,8 +103,7 @@ struct RememberedMocap {
 };
 
 // Room that memory takes: positions, contacts that can be compressed at once, scalar constraints,
-// motion that rows may hold, and mocap bodies; and how many geoms and flexes there are to have
-// contacts.
+// motion that rows may hold, and mocap bodies; and how many geoms and flexes may have contacts.
 struct MemoryLayout {
   int positions = 0;  // nq
   int contacts = 0;
@@ -133,8 +131,7 @@ class Memory {
   double* position() const;
   int contact_count() const;
   RememberedContact contact(int index) const;
-  // Of that contact alone: its geoms, where it is in the frame of one of them (m), and the force
-  // (N) that it bore.
+  // Of that contact alone: its geoms, place in the frame of one (m), and the force (N) it bore.
   std::array<int, 2> geoms(int index) const;
   const double* position(int index, int side) const;
   double force(int index) const;
@@ -156,8 +153,7 @@ class Memory {
 
   // Forgets how a tree moved (`index`): it is at rest.
   void rest(const Tree& tree, int index);
-  // Forgets what rows of these store. Constraints keep that they had a stiffness: they are
-  // not switched on anew.
+  // Forgets what rows of these store, but not that constraints had a stiffness: these are not new.
   void forget(const MarkedRows& moved);
   // How many contacts sleep, and the energy (J) in the springs of all rows that do.
   int count(const MarkedRows& sleeping) const;
@@ -187,6 +183,25 @@ class Memory {
   double* storage_;
   MemoryLayout layout_;
   double* contacts_;  // where contacts are stored
+};
+
+// What is left of a step, or how far an impact is ahead, counts as nothing below this share of it.
+constexpr double kSliverOfStep = 1e-9;
+
+struct StepClock {
+  double whole = 0.0;          // s, of the step
+  double length = 0.0;         // H, s, of the substep, which is the whole step if nothing cuts it
+  double row_turn_rate = 0.0;  // rad/s, of equalities in the substep before; 0 in the first
+  bool cut_short = false;      // the substep ends at an impact
+  int cuts = 0;                // at impacts, in the substeps before
+};
+
+struct StepView {
+  double length;  // s
+  const std::vector<ContactInput>& contacts;
+  const std::vector<ConstraintInput>& constraints;
+  Memory memory;                      // a view of what the last step left
+  const std::vector<Match>& matches;  // per group: what it has of contacts
 };
 
 }  // namespace dashpot

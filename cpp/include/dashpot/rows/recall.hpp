@@ -27,15 +27,14 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/step_view.hpp"
 #include "dashpot/threads/team.hpp"
 
 namespace dashpot {
 
-// Fills the deformation and unstressed penetration of every row. With infinite `recovery_speed` the
-// spring takes the whole overlap.
+// Fills deformation and unstressed penetration, none of the latter with infinite `recovery_speed`.
 void recall(const StepView& step, const Rows& rows, double recovery_speed, RowData& data,
             Team& team);
 

@@ -48,8 +48,7 @@ struct RowData {
   std::vector<double> beyond;
   // Per group: integral of the force of an equality times the time since the start, N s^2, N m s^2.
   std::vector<double> force_moment;
-  // Per group: work (J) that a contact frozen within the step would have done on bodies because its
-  // normal and arms turn.
+  // Per group: work (J) that a contact frozen within the step would have done by its turning.
   std::vector<double> turning_work;
   // Per group: work (J) that its forces did on its surfaces because these accelerate, beyond that
   // at the velocities which they have at RowGroup::ahead.
@@ -109,10 +108,9 @@ struct EnergyLedger {
   }
 };
 
-// Books what the rows did in a step: `before` and `after` are the elastic energies that memory
-// brought back and that the micro-steps left. Elastic energy that memory did not bring back, and
-// work of the recovering surface, count as recovery; what the rows took from the bodies and did not
-// store was dissipated.
+// Books what rows did in a step: `before` and `after`: elastic energies of memory and after
+// micro-steps. Elastic energy that memory did not bring back, and work of the recovering surface,
+// count as recovery; what the rows took from the bodies and did not store was dissipated.
 void book_rows(const RowData& data, const EnergyShares& before, const EnergyShares& after,
                EnergyLedger& ledger);
 

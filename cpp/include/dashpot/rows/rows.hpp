@@ -6,9 +6,8 @@
 //
 // A contact is a group of `dim` rows in MuJoCo's order: normal, two sliding, torsional, two
 // rolling. The normal points from geom 1 to geom 2, and row velocities are those of geom 2 relative
-// to geom 1. A limit, an equality row or a dry-friction row is a group of one. The rows of a
-// contact between free bodies, or one and the ground, are the contact frame and the two arms; all
-// other rows are sparse.
+// to geom 1. A limit, an equality row or a dry-friction row is a group of one. Rows of a contact
+// between free bodies, or one and the ground, are its frame and two arms; all others are sparse.
 
 #pragma once
 
@@ -41,8 +40,7 @@ struct ContactInput {
   std::array<int, 2> tree{-1, -1};  // trees of the two bodies, -1 for static ones
   // Geoms whose contacts with geom 1 at an internal edge are ghosts of this one, else -1.
   std::array<int, 3> ghosts{-1, -1, -1};
-  // Side of the geom whose surface another one continues, see detect/internal_edges.hpp, else
-  // -1.
+  // Side of the geom whose surface another one continues (detect/internal_edges.hpp), else -1.
   int continued = -1;
   int dim = 1;                       // rows: 1, 3, 4 or 6
   double gap = 0.0;                  // m, distance less margin
@@ -107,8 +105,7 @@ struct ConstraintInput {
   std::array<double, 5> solimp{};
   bool has_solref = false;   // the model sets solref or solimp itself
   bool is_of_mocap = false;  // an equality that a mocap body holds something by
-  // Rows of an equality, from this one on, that have one impedance, by the norm of their positions;
-  // 0 of those behind the first.
+  // Rows of an equality, from this on, with one impedance, by the norm of their positions; else 0.
   int together = 1;
   bool is_joint_limit = false;
   int ball = -1, tendon = -1;  // ball joint or tendon whose limit it is, else -1
@@ -171,13 +168,11 @@ struct RowGroup {
   // Inverse mass of all that moves with its bodies, over that of its own normal (tied_mass.hpp).
   double tied = 1.0;
 
-  // The limit of one end of a joint's range; that of the other is a group too, and one at most of
-  // them is pressed.
+  // The limit of one end of a joint's range; the other is a group too, and one at most is pressed.
   bool is_end_of_range = false;
   bool is_damper = false;  // springs_and_dampers.hpp
 
-  // False of a contact apart that nothing can close, since no joint moves its bodies along the
-  // normal: it belongs to no island.
+  // False of a contact apart that no joint can close along the normal: it belongs to no island.
   bool can_be_loaded = true;
 
   // Pushes one way: a contact or a limit.
@@ -200,8 +195,7 @@ struct Rows {
   // Per row: w, diagonal of J inv(H) J', and the parts of it that the two trees contribute.
   std::vector<double> inverse_mass;
   std::vector<std::array<double, 2>> tree_inverse_mass;
-  // MuJoCo's estimate of w from the reference configuration: what w is like away from singular
-  // ones.
+  // MuJoCo's estimate of w from the reference configuration: w away from singular ones.
   std::vector<double> typical_inverse_mass;
 
   // Per row: stiffness (N/m, N m/rad), damping (N s/m, N m s/rad), and limit: the friction
@@ -256,9 +250,8 @@ void stop_turning(Rows& rows, const RowGroup& group);
 // Work that the surfaces' own motion does on the bodies through `impulse` (dim), J.
 double surface_work(const Rows& rows, const RowGroup& group, const double* impulse);
 
-// Of rows i and i + 1 of a group, along two tangents, the one along which more moves: along the
-// other one nothing may, as across the plane of a planar mechanism, where stiffness is a matter of
-// rounding.
+// Of rows i and i + 1 of a group, along two tangents, the one along which more moves: across the
+// plane of a planar mechanism nothing does, and stiffness is a matter of rounding.
 int more_mobile(const Rows& rows, const RowGroup& group, int i);
 
 // Largest compression (m) of a contact or limit under which recovery of overlap goes on: one that
@@ -272,8 +265,7 @@ double bearable_compression(const Rows& rows, const RowGroup& group, double reco
 // the recovery speed, at most.
 double recovery_speed_along(const Rows& rows, const RowGroup& group, double recovery_speed);
 
-// Fills in the inverse masses of a group's rows, and what is mass-weighted of them, for which there
-// is room (mass_weighted.hpp).
+// Fills in the inverse masses of a group's rows, and the mass-weighted ones (mass_weighted.hpp).
 void find_inverse_mass(Rows& rows, RowGroup& group, const Trees& trees);
 
 // The entries of row i of a pair for one of its bodies: linear (3) and angular (3).

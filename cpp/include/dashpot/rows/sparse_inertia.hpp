@@ -1,6 +1,5 @@
 // Effective inertia of a tree of many bodies that springs couple, as those of a flex: sparse,
-// factored by Eigen with an order of elimination that fills in little. The order stays while the
-// entries lie where they did.
+// factored by Eigen in an order that fills in little and stays while entries lie where they did.
 
 #pragma once
 

@@ -80,9 +80,8 @@ struct Trees {
   // By tree. Free body: (1/m, 1/m, 1/m, 0) and the columns of the world inverse rotational inertia,
   // each with a zero. Any other tree: the columns of inv(H), `count` apart.
   AlignedDoubles inverse;
-  // By tree that is no free body, at the offset of its inverse: the factor of factor_inertia, each
-  // row of which begins at row_begin, by degree of freedom, so that its columns are numbers from
-  // the first of the tree.
+  // By tree that is no free body, at the offset of its inverse: the factor of factor_inertia. Its
+  // rows begin at row_begin, by degree of freedom; columns count from the first of the tree.
   AlignedDoubles factor;
   std::vector<int> row_begin;
   // By tree: of sparse ones H whose springs couple what has no path; null where none do.
@@ -98,8 +97,7 @@ struct Trees {
   AlignedDoubles stiffness;
   // By motion coordinate, one after another: the smooth acceleration of trees by all derivatives.
   AlignedDoubles whole_acceleration;
-  // By degree of freedom, what D has of joint dampers at the velocity of the step's start, where it
-  // does not come from derivatives.
+  // By degree of freedom: joint dampers in D at the step's start, where not from derivatives.
   std::vector<double> joint_damping;
   // Those of `discrete` (model/discrete.hpp), tree after tree, where those of a tree begin, and
   // the step (s) of which qacc_smooth is.

@@ -6,10 +6,8 @@
 #include <vector>
 
 #include "dashpot/geometry/query.hpp"
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/threads/parallel.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 
@@ -32,9 +30,8 @@ std::vector<Distance> geom_distances(const mjModel_* model, int geom1, int geom2
                                      const Interrupt& interrupt = {});
 
 // The first contact of two geoms for each of `count` states, rows of `qpos` (count, nq) and `qvel`
-// (count, nv), along the velocities of that state. Otherwise as geom_distances. Throws
-// std::invalid_argument as time_of_impact() and geom_shape() do, and UndecidedImpact naming the
-// geoms.
+// (count, nv), along its velocities. Otherwise as geom_distances. Throws std::invalid_argument as
+// time_of_impact() and geom_shape() do, and UndecidedImpact naming the geoms.
 std::vector<TimeOfImpact> geom_times_of_impact(const mjModel_* model, int geom1, int geom2,
                                                const double* qpos, const double* qvel, int count,
                                                double horizon, int nthread,

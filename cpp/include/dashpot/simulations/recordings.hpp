@@ -54,8 +54,7 @@ struct Item {
   const double* qvel = nullptr;  // (nv,)
 };
 
-// Throws std::invalid_argument naming the recording and the field whose size, order or value does
-// not fit itself or the model.
+// Throws std::invalid_argument naming recording and field whose size, order or value does not fit.
 void check(const Recording& recording, const ModelSizes& sizes);
 
 // Simulates every item and writes its readings to its place in `readings`, one after the other,

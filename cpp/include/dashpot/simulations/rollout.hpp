@@ -23,8 +23,7 @@ class SimulationPool {
   explicit SimulationPool(const Parameters& parameters) : parameters_(parameters) {}
 
   // A simulation of `model` as it is now: one that is free, or a new one. `model`: the same every
-  // time, or one of its sizes; the vertices of meshes stay those of the first one. Threads may
-  // borrow at once.
+  // time, or one of its sizes; meshes stay those of the first one. Threads may borrow at once.
   std::unique_ptr<Simulation> borrow(const mjModel_* model);
   void give_back(std::unique_ptr<Simulation> simulation);
 
@@ -100,9 +99,8 @@ struct RolloutOutput {
 
 // Rolls out. Full-physics states start without contact memory, integration states carry it.
 // `models`: one for all, or one for each rollout, all of the same sizes. `nthread` 0: one per core.
-// Returns those that diverged, in order, where they are filled. Throws std::invalid_argument, or
-// DivergenceError, naming rollout and step where one fails, and what `interrupt` throws, which is
-// asked between steps.
+// Returns those that diverged, in order, where they are filled. Throws std::invalid_argument,
+// DivergenceError naming rollout and step, and what `interrupt` throws between steps.
 std::vector<Divergence> roll_out(const std::vector<RolloutModel>& models, const RolloutInput& input,
                                  const RolloutOutput& output, int nthread,
                                  const Interrupt& interrupt = {});

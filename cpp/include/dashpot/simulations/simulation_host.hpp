@@ -31,8 +31,7 @@ class Simulation {
   // where `parameters` is null.
   Simulation(const mjModel_* model, const Parameters* parameters);
 
-  // Goes on with the values that the model, or another of its sizes, has now; vertices of meshes
-  // stay those of the first.
+  // Goes on with the present values of the model, or another of its sizes; meshes stay the first's.
   void update_model(const mjModel_* model);
   // s, > 0.
   void set_timestep(double timestep);

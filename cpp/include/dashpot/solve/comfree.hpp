@@ -71,9 +71,8 @@ struct ComFree {
 double effective_mass(double impedance, double inverse_mass);
 
 // One update of all groups over a step (s). `gap` (m, rad), the error of an equality, and `mass`
-// have one entry per group.
-// Leaves in `data` the velocity at the end of the step, impulses, which groups touched, and the
-// work of the impulses, p (u_0 + u_1) / 2 for each row.
+// have one entry per group. Leaves in `data` the velocity at the end of the step, impulses, which
+// groups touched, and the work of the impulses, p (u_0 + u_1) / 2 for each row.
 void update_complementarity_free(const ComFree& law, const Rows& rows, const Trees& trees,
                                  const std::vector<double>& gap, const std::vector<double>& mass,
                                  double step, RowData& data);

@@ -13,8 +13,7 @@
 
 namespace dashpot {
 
-// p and r of a spring-damper are linear in displacement, rate and load. Fixed during an island's
-// micro-steps.
+// p and r of a spring-damper, linear in displacement, rate and load; fixed during micro-steps.
 struct SpringCoefficients {
   Lanes impulse_displacement, impulse_rate;
   Lanes impulse_load;  // and moment_rate
@@ -166,9 +165,8 @@ inline Recovery recovery_over(double step) {
   return {std::max(kLeastRecoveryTime, kRecoverySteps * step)};
 }
 
-// How fast they shrink, m/s or rad/s: not at all where the spring is compressed beyond what is
-// bearable, nor where the bodies have left it as far behind: a surface that comes after them would
-// keep them in motion.
+// How fast they shrink, m/s or rad/s: not where the spring is compressed beyond what is bearable,
+// nor where bodies have left it as far behind: a surface that follows would keep them in motion.
 template <int Dim>
 [[gnu::always_inline]] static inline Lanes offset_rate(const RowLanes<Dim>& c,
                                                        const Recovery& recovery) {
@@ -206,8 +204,7 @@ template <int Dim>
   }
 }
 
-// What the turn of the geometry adds to the displacement over `time` (s) from the start of the step
-// on.
+// What the turn of geometry adds to the displacement over `time` (s) from the start of the step.
 template <int Dim>
 [[gnu::always_inline]] static inline void turn_displacement(const ContactLanes<Dim>& c, double time,
                                                             Lanes* displacement) {
@@ -276,8 +273,7 @@ template <int Dim>
   account_motion(c, 0, rate[0]);
 }
 
-// Springs that follow the motion get what the displacements of all micro-steps lack of that of the
-// bodies.
+// Springs that follow the motion get what displacements of micro-steps lack of that of the bodies.
 template <int Dim>
 [[gnu::always_inline]] static inline void follow_bodies(ContactLanes<Dim>& c,
                                                         const Lanes* displacement) {

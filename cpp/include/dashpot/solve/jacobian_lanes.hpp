@@ -54,8 +54,7 @@ inline void pack_sparse(const double* value, const int* column, int dim, int wid
     while (last + 1 < width && column[last + 1] > column[last] &&
            column[last + 1] < column[k] + kLanes)
       ++last;
-    // No run reaches the coordinates of a tree that it does not move, which begin at such
-    // multiples.
+    // No run reaches coordinates of a tree that it does not move: these begin at such multiples.
     const int aligned = column[k] / kLanes * kLanes;
     start[runs] = column[last] < aligned + kLanes ? aligned : column[k];
     for (; k <= last; ++k)
@@ -70,8 +69,7 @@ inline void pack_sparse(const double* value, const int* column, int dim, int wid
   j.width[lane] = width;
   j.common_width = lane == kLanes - 1 ? *std::min_element(j.width, j.width + kLanes) : 0;
 }
-// Lets the lanes after `last` take part in the sums of the others with `zeros`, padded(dim) for
-// each of their columns.
+// Gives the lanes after `last` `zeros` in the sums of the others, padded(dim) for each column.
 inline void spare_sparse(const double* zeros, int last, SparseLanes& j) {
   j.common_width = *std::min_element(j.width, j.width + last + 1);
   for (int lane = last + 1; lane < kLanes; ++lane) {

@@ -1,7 +1,6 @@
 // Micro-steps of islands over their rows, with geometry frozen.
 //
-// State is in motion coordinates xi (trees.hpp): velocity v, smooth acceleration a. A micro-step of
-// length h:
+// State is in motion coordinates (trees.hpp): velocity v, smooth acceleration a. A micro-step h:
 //
 //     u  = J v                                    gap rates
 //     F  = force every contact has now            from its deformation and rate
@@ -40,10 +39,9 @@
 // which closes the ledger to rounding for a single contact.
 //
 // Statics are exact, since at rest F carries every load, and contacts know of each other through F.
-// The cost is linear in the number of contacts; nothing iterates. Rows act on wrenches: J' gathers
-// them by body, and inv(H) is applied once per tree. Groups of rows go four at a time
-// (lane_flow.hpp); their order, so every sum, is that of the island and of its slices
-// (island_blocks.hpp).
+// The cost is linear in contacts; nothing iterates. Rows act on wrenches: J' gathers them by body,
+// and inv(H) is applied once per tree. Groups of rows go four at a time (lane_flow.hpp); their
+// order, so every sum, is that of the island and of its slices (island_blocks.hpp).
 
 #pragma once
 

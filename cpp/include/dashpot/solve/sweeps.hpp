@@ -1,5 +1,4 @@
-// The sweeps of a micro-step over rows and trees, four groups of rows or four coordinates at a
-// time.
+// The sweeps of a micro-step over rows and trees, four groups or four coordinates at a time.
 //
 // They are compiled for several instruction sets (sweep_kernels.hpp), each in a file of its own:
 // vectors that an instruction set does not have are taken apart before functions are inlined into
@@ -62,9 +61,8 @@ struct IslandMotion {
   double *velocity, *displacement, *acceleration;
   double *force, *impulse, *moment;
   double *total_displacement, *coordinate_impulse;
-  // What the rows of other slices than the first apply (island_blocks.hpp): forces, then impulses,
-  // then what goes to coordinate_impulse and moment, those of a slice `slice_size` after those of
-  // the one before.
+  // What rows of slices after the first apply (island_blocks.hpp): forces, impulses, then what goes
+  // to coordinate_impulse and moment, those of a slice `slice_size` after those of the one before.
   double *force_of_slices, *impulse_of_slices;
   int slice_size;
   const double *smooth_acceleration, *inverse;

@@ -5,10 +5,8 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/model/mujoco_types.hpp"
 #include "dashpot/rows/memory.hpp"
-
-struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 

@@ -14,9 +14,7 @@
 #include <memory>
 
 #include "dashpot/law/parameters.hpp"
-
-struct mjModel_;
-struct mjData_;
+#include "dashpot/model/mujoco_types.hpp"
 
 namespace dashpot {
 
@@ -34,14 +32,12 @@ struct StepStats {
   int parts = 0;                 // that a step was taken in (maximum over steps)
 };
 
-// Values of the model may be edited between steps, but for the vertices of meshes: what is known of
-// their hulls is kept.
+// Values of the model may be edited between steps, but not vertices of meshes: hulls are kept.
 class Stepper {
  public:
   // `model` must outlive the stepper. Throws std::invalid_argument naming the feature that is
-  // refused, or the size of `parameters` that does not fit the model.
-  // `threads` >= 1 share the passes of a step (team.hpp), the calling one among them; results are
-  // the same bit for bit.
+  // refused, or the size of `parameters` that does not fit the model. `threads` >= 1 share the
+  // passes of a step (team.hpp), the calling one among them; results are the same bit for bit.
   Stepper(mjModel_* model, const Parameters& parameters, int threads = 1);
   ~Stepper();
   Stepper(Stepper&&) noexcept;
@@ -49,11 +45,10 @@ class Stepper {
 
   // Advances `data` by nstep * timestep. Throws std::invalid_argument, before anything is changed,
   // on a state that is not finite or data of another model; DivergenceError where motion or forces
-  // diverge, which leaves `data` as they were before that step.
-  // MuJoCo's constraint rows of contacts (efc_*), which its force queries and sensors read, are
-  // left in `data` for the last step if they fit into the memory of the model, or, where
-  // `leave_rows` is false, not at all. Sensors, plugins and flexes need them in every step:
-  // std::runtime_error where they do not fit.
+  // diverge, which leaves `data` as they were before that step. MuJoCo's constraint rows of
+  // contacts (efc_*), which its force queries and sensors read, are left in `data` for the last
+  // step if they fit into the memory of the model, or, where `leave_rows` is false, not at all.
+  // Sensors, plugins and flexes need them in every step: std::runtime_error where they do not fit.
   // `between` is called after every step but the last; what it throws ends the call there.
   StepStats step(mjData_* data, int nstep = 1, bool leave_rows = true,
                  const std::function<void()>& between = {});
