@@ -121,8 +121,9 @@ void read_loadable(const mjModel* m, const mjData* d, Detection& detection,
   contacts.resize(d->ncon);
   detection.may_be_loaded.resize(d->ncon);
   team.for_each(d->ncon, kContactsAtOnce, [&](int i) {
-    detection.may_be_loaded[i] = read_contact(m, d, i, contacts[i]) &&
-                                 !only_spin_brings_near(m, d, detection.buffers, contacts[i]);
+    detection.may_be_loaded[i] =
+        read_contact(m, d, i, contacts[i]) &&
+        !(detection.looks_ahead && only_spin_brings_near(m, d, detection.buffers, contacts[i]));
   });
   int kept = 0;
   for (int i = 0; i < d->ncon; ++i) {
@@ -143,8 +144,8 @@ void detect_rows(mjModel_* m, mjData_* d, const std::vector<double>& acceleratio
     const bool keeps_pairs = CandidatePairs::cover(m, d);
     // Where MuJoCo looks for pairs itself, its collisions ask.
     detection.narrowing.start(detection.buffers);
-    WidenedReach reach(m, d, acceleration, faces, keeps_pairs ? nullptr : &detection.narrowing,
-                       detection.buffers);
+    WidenedReach reach(m, d, detection.looks_ahead ? &acceleration : nullptr, faces,
+                       keeps_pairs ? nullptr : &detection.narrowing, detection.buffers);
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
     detection.faces.surplus.clear();
     if (keeps_pairs)

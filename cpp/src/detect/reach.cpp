@@ -104,7 +104,7 @@ double ReachBuffers::own_gap(const std::array<int, 2>& geom, int pair) const {
   return pair >= 0 ? pair_gap[pair] : geom_gap[geom[0]] + geom_gap[geom[1]];
 }
 
-WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
+WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>* acceleration,
                            FaceBuffers* faces, Narrowing* narrowing, ReachBuffers& buffers)
     : collisions_(m, faces, narrowing), m_(m), buffers_(buffers) {
   buffers.geom_gap.assign(m->geom_gap, m->geom_gap + m->ngeom);
@@ -117,9 +117,11 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
   std::vector<double>&now = buffers.now, &later = buffers.later;
   std::vector<double>&end_velocity = buffers.end_velocity, &reach = buffers.reach;
   end_velocity.resize(m->nv);
-  for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * acceleration[i];
   body_velocities(m, d, d->qvel, now);
-  body_velocities(m, d, end_velocity.data(), later);
+  if (acceleration) {
+    for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * (*acceleration)[i];
+    body_velocities(m, d, end_velocity.data(), later);
+  }
   reach.assign(m->ngeom, 0.0);
   buffers.dof_reach.resize(m->nv);
   buffers.least_reach.resize(m->ngeom);
@@ -129,7 +131,8 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
   for (int geom = 0; geom < m->ngeom; ++geom) {
     const bool is_edited = is_moving(now.data() + 6 * m->geom_bodyid[geom]) && may_collide(m, geom);
     if (!moves_and_collides(m, geom) && !is_edited) continue;
-    buffers.start_reach[geom] = h * geom_speed(m, d, geom, now.data());
+    buffers.start_reach[geom] = reach[geom] = h * geom_speed(m, d, geom, now.data());
+    if (!acceleration) continue;
     reach[geom] = std::max({buffers.start_reach[geom], h * geom_speed(m, d, geom, later.data()),
                             buffers.least_reach[geom]});
     m->geom_gap[geom] = std::max(buffers.geom_gap[geom], reach[geom]);
@@ -137,6 +140,7 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
     mjtNum& margin = m->body_margin[m->geom_bodyid[geom]];
     margin = std::max(margin, m->geom_margin[geom] + m->geom_gap[geom]);
   }
+  if (!acceleration) return;
   for (int pair = 0; pair < m->npair; ++pair)
     m->pair_gap[pair] =
         std::max(buffers.pair_gap[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);

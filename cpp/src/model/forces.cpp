@@ -163,7 +163,11 @@ void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const Tre
 void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
                               const StepMotion& motion) {
   change_.resize(m->nv);
-  for (int i = 0; i < m->nv; ++i) change_[i] = d->qvel[i] - motion.start_velocity[i];
+  mean_velocity_.resize(m->nv);
+  for (int i = 0; i < m->nv; ++i) {
+    change_[i] = d->qvel[i] - motion.start_velocity[i];
+    mean_velocity_[i] = 0.5 * (d->qvel[i] + motion.start_velocity[i]);
+  }
   const auto derive_at_start = [&](const auto& derive) {
     end_velocity_.assign(d->qvel, d->qvel + m->nv);
     std::copy_n(motion.start_velocity, m->nv, d->qvel);
@@ -212,9 +216,7 @@ double SmoothWork::implicit_braking(const mjModel_* m, const mjData_* d, const T
   const auto form = [&](const double* u, const double* v) {
     return damping_form(m, d, trees, t, u, v);
   };
-  const double* change = change_.data();
-  const double gained =
-      form(change, motion.start_velocity) + 0.5 * form(change, change);  // of v'D v / 2
+  const double gained = form(change_.data(), mean_velocity_.data());  // of v'D v / 2
   const double step = m->opt.timestep;
   if (t.damped)
     return work_of_drag(m, d, trees, t, motion) +

@@ -19,11 +19,6 @@ namespace dashpot::host {
 
 namespace {
 
-bool callbacks_may_read_sensors(const mjModel* m) {
-  return m->nsensor > 0 &&
-         (mjcb_control || mjcb_passive || mjcb_act_dyn || mjcb_act_gain || mjcb_act_bias);
-}
-
 // While it lives, a model has other flags that disable parts of MuJoCo.
 class Disabled {
  public:
@@ -62,9 +57,13 @@ void take_stages(const mjModel* m, mjData* d) {
 
 }  // namespace
 
+bool callbacks_may_read() {
+  return mjcb_control || mjcb_passive || mjcb_act_dyn || mjcb_act_gain || mjcb_act_bias;
+}
+
 void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
                   const FindContacts& find_contacts) {
-  const bool reads = sensors == Sensors::kForCallbacks && callbacks_may_read_sensors(m);
+  const bool reads = sensors == Sensors::kForCallbacks && m->nsensor > 0 && callbacks_may_read();
   const bool adhesive = has_adhesion(m);
   d->ncon = d->ne = d->nf = d->nl = d->nefc = 0;
   d->flg_energypos = d->flg_energyvel = d->flg_subtreevel = d->flg_rnepost = 0;

@@ -123,14 +123,19 @@ void Trees::append(int dof_begin, int dof_count, bool free_body, const int* abov
 
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration) {
   const Tree& t = trees.tree[tree];
-  const double* column = trees.inverse.data() + t.inverse;
+  if (t.free_body || t.sparse) return add_solution(trees, tree, force, acceleration);
+  respond(trees.inverse.data() + t.inverse, force, t.dof_count, t.count, acceleration);
+}
+
+void add_solution(const Trees& trees, int tree, const double* force, double* acceleration) {
+  const Tree& t = trees.tree[tree];
   if (t.free_body) {
+    const double* column = trees.inverse.data() + t.inverse;
     for (int i = 0; i < 3; ++i) acceleration[i] += column[i] * force[i];
     for (int j = 0; j < 3; ++j)
       for (int i = 0; i < 3; ++i) acceleration[4 + i] += column[4 * (j + 1) + i] * force[4 + j];
     return;
   }
-  if (!t.sparse) return respond(column, force, t.dof_count, t.count, acceleration);
   if (trees.sparse[tree]) return trees.sparse[tree]->add_solution(force, acceleration);
   if (t.diagonal) {
     const double* root = trees.inverse_root.data() + t.begin;

@@ -22,7 +22,7 @@ void add_magnitudes(const Trees& trees, const Tree& tree, const double* y, doubl
   const int size = tree.free_body ? 3 : tree.dof_count;
   for (int i = 0; i < first; ++i) z[i] += inverse[i] * y[i];
   for (int j = 0; j < size; ++j)
-    for (int i = 0; i < size; ++i)
+    for (int i = 0; i < size && y[first + j] != 0.0; ++i)
       z[first + i] += std::abs(inverse[first + stride * j + i]) * y[first + j];
 }
 
@@ -107,7 +107,7 @@ void update_complementarity_free(const ComFree& law, const Rows& rows, const Tre
   }
   for (size_t tree = 0; tree < trees.tree.size(); ++tree) {
     const int begin = trees.tree[tree].begin;
-    add_response(trees, static_cast<int>(tree), data.coordinate_impulse.data() + begin,
+    add_solution(trees, static_cast<int>(tree), data.coordinate_impulse.data() + begin,
                  data.velocity.data() + begin);
   }
 

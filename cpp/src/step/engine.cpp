@@ -49,7 +49,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads, bool own)
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
                                 " entries; the model has " + std::to_string(geoms) + " geoms");
-  detection.takes_faces = own;
+  detection.takes_faces = detection.looks_ahead = rows.weighs_all = own;
   memory_layout = dashpot::memory_layout(m, p.contact_capacity);
   data_size = host::data_size(m);
 }

@@ -51,13 +51,13 @@ void append_contacts(const mjModel_* model, const mjData_* data,
   for (size_t i = 0; i < contacts.size(); ++i) {
     const ContactInput& input = contacts[i];
     RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
-    motion.ask_for_inverse(c.tree);
+    if (rows.weighs(c)) motion.ask_for_inverse(c.tree);
     if (host::has_pair_geometry(model, data, input, trees)) {
       c.pair = pairs++;
       continue;
     }
     host::append_columns(model, data, input, trees, rows);
-    append_mass_weighted(rows, c, trees);
+    if (rows.weighs(c)) append_mass_weighted(rows, c, trees);
   }
   rows.pair.resize(pairs);  // filled by fill_contact()
 }
@@ -87,7 +87,7 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
     rows.pair[c.pair] = host::pair_geometry(model, data, input, trees);
   else
     host::fill_jacobian(model, data, input, trees, c, rows);
-  find_inverse_mass(rows, c, trees);
+  if (rows.weighs(c)) find_inverse_mass(rows, c, trees);
   c.can_be_loaded = input.gap < 0.0 || rows.inverse_mass[c.row] > 0.0 || c.ground >= 0;
 }
 
@@ -106,13 +106,13 @@ void Stepper::Impl::build_rows(mjData_* d) {
   for (size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintInput& input = constraints[i];
     RowGroup& c = rows.append(input.kind, static_cast<int>(i), 1, input.tree);
-    motion.ask_for_inverse(c.tree);
+    if (rows.weighs(c)) motion.ask_for_inverse(c.tree);
     rows.friction[c.row] = input.limit;
     c.is_damper = input.damping > 0.0;
     rows.typical_inverse_mass[c.row] = host::typical_inverse_mass(model, d, input);
     materials[i] = material_of(input);
     host::append_jacobian(model, d, input, trees, row_turns, rows);
-    append_mass_weighted(rows, c, trees);
+    if (rows.weighs(c)) append_mass_weighted(rows, c, trees);
   }
   mark_ends_of_ranges(constraints, rows);
   append_contacts(model, d, contacts, motion, rows);
@@ -125,7 +125,7 @@ void Stepper::Impl::build_rows(mjData_* d) {
       RowGroup& c = rows.group[i];
       if (c.kind == RowKind::kContact)
         fill_contact(model, d, parameters, contacts[c.input], trees, rows, c, materials[i]);
-      else
+      else if (rows.weighs(c))
         find_inverse_mass(rows, c, trees);
     }
   });

@@ -47,8 +47,8 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree) const {
 void Stepper::Impl::find_forces(mjData_* d) {
   const SolvedSubstep solved = solved_substep();
   forces.start(rows);
-  trapezoid.add_borne(forces.borne());
   const bool looked_at = detection.contact_rows != host::ContactRows::kNone;
+  if (looked_at || host::callbacks_may_read()) trapezoid.add_borne(forces.borne());
   if (looked_at) forces.leave_out_untouched(d, solved, contacts);
   forces.find(d, solved, team);
 }

@@ -25,6 +25,7 @@ enum class ContactRows { kNone, kIfTheyFit, kRequired };
 struct Detection {
   ContactRows contact_rows = ContactRows::kRequired;
   bool takes_faces = true;  // see detect/collisions.hpp
+  bool looks_ahead = true;  // also finds what may only begin within the step
   FaceBuffers faces;
   ReachBuffers buffers;
   Narrowing narrowing;

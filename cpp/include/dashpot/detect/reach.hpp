@@ -38,10 +38,11 @@ bool moves_and_collides(const mjModel_* m, int geom);
 
 // While it lives, collisions are replaced, within the distance that `narrowing` says if it is
 // there, and the detection distance of every geom, pair, flex, joint and tendon covers how far it
-// can move in the model's time step with `acceleration` (nv), the smooth one.
+// can move in the model's time step with `acceleration` (nv), the smooth one. Without that (null)
+// distances stay the model's own.
 class WidenedReach {
  public:
-  WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
+  WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>* acceleration,
                FaceBuffers* faces, Narrowing* narrowing, ReachBuffers& buffers);
   ~WidenedReach();
   WidenedReach(const WidenedReach&) = delete;

@@ -90,9 +90,9 @@ class SmoothWork {
   double implicit_braking(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
                           const StepMotion& motion) const;
 
-  // By degree of freedom: v1 - v0, v1; means over the step of driving forces, and of dampers less
-  // what the effective inertia takes of them.
-  std::vector<double> change_, end_velocity_, driving_force_, damping_force_;
+  // By degree of freedom: v1 - v0, (v0 + v1) / 2, v1; means over the step of driving forces, and of
+  // dampers less what the effective inertia takes of them.
+  std::vector<double> change_, mean_velocity_, end_velocity_, driving_force_, damping_force_;
   std::vector<double> gravity_room_;
 };
 

@@ -16,6 +16,9 @@ namespace dashpot::host {
 // Finds the contacts of the present positions, in a room that knows detection.
 using FindContacts = std::function<void(mjModel_*, mjData_*)>;
 
+// Whether a callback of the smooth stage is set, which may read what the last step left.
+bool callbacks_may_read();
+
 // Kinematics, inertia, bias, passive and actuator forces, smooth acceleration (qacc_smooth).
 // `new_control` false: controls are held, the control callback is not asked. Where the callbacks of
 // this stage may read sensors, those of positions and velocities are made for them, as in mj_step,

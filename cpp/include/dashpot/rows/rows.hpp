@@ -202,8 +202,11 @@ struct Rows {
   // coefficient (1 or m) of a contact's friction row, the force (N, N m) of a slider.
   std::vector<double> stiffness, damping, friction;
 
-  double metre = 1.0;  // in the model's unit of length
-  int appended = 0;    // rows of the groups so far
+  bool weighs_all = true;  // w is found of all rows, else of those alone that push both ways
+  double metre = 1.0;      // in the model's unit of length
+  int appended = 0;        // rows of the groups so far
+
+  bool weighs(const RowGroup& c) const { return weighs_all || !c.is_unilateral(); }
 
   // w, but no less than a hundredth of the typical one. Near a singular configuration w falls by
   // orders of magnitude within a step; stiffness and energies per apparent mass go by this bound.

@@ -158,6 +158,8 @@ inline void add_implicit(const Trees& trees, int tree, double damping, double st
 
 // acceleration += inv(H) force, over the coordinates of one tree.
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration);
+// The same by the factor, where inv(H) is not filled in; of sparse trees it has to be asked for.
+void add_solution(const Trees& trees, int tree, const double* force, double* acceleration);
 
 // Throws DivergenceError that names the tree unless all its coordinates of `motion` are numbers
 // of at most `largest`.
