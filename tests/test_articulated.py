@@ -189,6 +189,34 @@ def test_arm_pressing_on_a_table(timestep, integrator):
     np.testing.assert_allclose(generalised, data.qfrc_constraint, rtol=1e-9, atol=1e-9)
 
 
+def test_callbacks_read_the_same_forces_within_a_call_of_many_steps():
+    """Rows that hold bear what no micro-step has, and that is found only where it may be read."""
+    xml = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="2 2 .1"/>
+      <body pos="0 0 .3"><joint name="lift" type="slide" axis="0 0 1"/>
+        <geom size=".02" mass="1" contype="0"  conaffinity="0"/>
+        <body><joint name="swing" axis="0 1 0"/>
+          <geom type="capsule" fromto="0 0 0 .2 0 -.25" size=".03" mass="1"/></body>
+      </body></worldbody></mujoco>"""
+
+    def seen(calls, steps):
+        engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+        data = engine.make_data()
+        forces = []
+        mujoco.set_mjcb_control(
+            lambda _, d: forces.append([d.qfrc_constraint.copy(), d.qacc.copy()])
+        )
+        try:
+            for _ in range(calls):
+                engine.step(data, nstep=steps)
+        finally:
+            mujoco.set_mjcb_control(None)
+        return np.array(forces)
+
+    one_by_one = seen(200, 1)
+    assert np.any(one_by_one[:, 0])
+    np.testing.assert_array_equal(seen(1, 200), one_by_one)
+
+
 @pytest.mark.parametrize("tilt", [5e-6, -5e-6])
 @pytest.mark.parametrize("gap", [1e-12, 1e-8])
 def test_links_that_turn_just_above_a_floor_go_on(gap, tilt):

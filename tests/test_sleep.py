@@ -281,6 +281,16 @@ def test_comfree_sleeps_too() -> None:
     assert data.qpos[2] > position[2]
 
 
+@pytest.mark.parametrize("law", ["kelvin_voigt", "comfree"])
+def test_linkages_that_start_asleep_stay_so(law: str) -> None:
+    """No step has found their inertia yet."""
+    links = """<body pos="3 0 1" sleep="init"><joint axis="0 1 0"/><geom size=".1" pos=".2 0 0"/>
+      <body pos=".4 0 0"><joint axis="0 1 0"/><geom size=".1"/></body></body>"""
+    _, data = make(links + STACK, law=law)
+    np.testing.assert_array_equal(data.qpos[:2], 0.0)
+    assert asleep(data)[0]
+
+
 def test_nothing_sleeps_that_may_not() -> None:
     """Actuated trees, by default, those that tendons couple, and all where the flag is off."""
     never = '<body pos="1 0 .05" sleep="never"><freejoint/><geom size=".05"/></body>'

@@ -27,14 +27,16 @@ RigidCoupling split_coupling(double all, double normal) {
   return {all, (1.0 + share) * normal, (1.0 + 1.0 / share) * all};
 }
 
-// Weight of a row in its two trees, k (1 + sqrt(w_other / w)), without k; 0 where a tree is fixed.
+// Weight of a row in its two trees, k (1 + sqrt(w_other / w)), without k; 0 in one that it does
+// not move.
 std::array<double, 2> split_between_trees(const std::array<double, 2>& inverse_mass) {
   const auto [w0, w1] = inverse_mass;
   const double ratio = w0 > 0.0 && w1 > 0.0 ? std::sqrt(w1 / w0) : 0.0;
   return {w0 > 0.0 ? 1.0 + ratio : 0.0, w1 > 0.0 ? 1.0 + (ratio > 0.0 ? 1.0 / ratio : 0.0) : 0.0};
 }
 
-// Whether a rigid contact or limit is hit. A model's own solref is resolved unless it is stiffer.
+// Whether a rigid contact or limit is hit. A model's own solref is resolved unless it is
+// stiffer than rigid.
 bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
             const std::vector<Hit>& hits) {
   return std::any_of(island.group.begin(), island.group.end(), [&](int index) {

@@ -143,7 +143,8 @@ double stiffness_for_damper(const Rates& asked, double own_damping, double most_
 }
 
 // Longest micro-step that resolves the rates of a model's own solref: no shorter than that of a
-// rigid contact, unless this resolves the spring and the damper of what is pressed asks for more.
+// rigid contact, unless this resolves the spring, and only the damper of what is pressed between
+// others asks for more.
 double longest_solref_microstep(const Rates& asked, const RigidCoupling& coupling, bool is_clamped,
                                 double rigid) {
   double of_stiffness = std::numeric_limits<double>::infinity(), of_damping = of_stiffness;

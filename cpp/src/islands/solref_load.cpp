@@ -137,7 +137,7 @@ bool any_opposed(const Push* first, const Push* last) {
   });
 }
 
-// Bodies that contacts push against each other, sorted. Kept by the thread for its allocation.
+// Bodies that contacts push against each other, sorted. Kept: a step allocates nothing.
 const std::vector<int>& find_pressed_bodies(const mjModel_* model,
                                             const std::vector<ContactInput>& contacts,
                                             const Rows& rows) {

@@ -105,10 +105,12 @@ void update_complementarity_free(const ComFree& law, const Rows& rows, const Tre
     for (int i = 0; i < c.dim; ++i) data.total_impulse[c.row + i] = step * force[i];
     scatter(rows, c, data.total_impulse.data() + c.row, data.coordinate_impulse.data());
   }
+  // Trees that nothing acts on may sleep, and have no factor.
   for (size_t tree = 0; tree < trees.tree.size(); ++tree) {
-    const int begin = trees.tree[tree].begin;
-    add_solution(trees, static_cast<int>(tree), data.coordinate_impulse.data() + begin,
-                 data.velocity.data() + begin);
+    const Tree& t = trees.tree[tree];
+    const double* impulse = data.coordinate_impulse.data() + t.begin;
+    if (std::any_of(impulse, impulse + t.count, [](double p) { return p != 0.0; }))
+      add_solution(trees, static_cast<int>(tree), impulse, data.velocity.data() + t.begin);
   }
 
   for (const RowGroup& c : rows.group) {

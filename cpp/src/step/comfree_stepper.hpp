@@ -27,8 +27,9 @@ struct Stepper::ComFreeImpl final : Stepper::Impl {
   // Nothing is remembered but the ledger, and no spring stores energy.
   void act(mjData_* d) override {
     data.reset_rows(rows);
-    for (int tree = 0; tree < motion.tree_count(); ++tree)
-      if (motion.trees().tree[tree].sparse) motion.invert_inertia(d, tree);
+    for (const RowGroup& c : rows.group)
+      for (int tree : c.tree)
+        if (tree >= 0 && motion.trees().tree[tree].sparse) motion.invert_inertia(d, tree);
     islands.find(rows, motion.trees());
     stats.microsteps = !islands.all().empty();
     accounting.open(memory(d), sleeping.rows());

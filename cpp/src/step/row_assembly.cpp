@@ -68,7 +68,7 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
                   GroupMaterial& given) {
   const double typical = host::typical_inverse_mass(model, data, input);
   const double weight = weight_at_contact(model, input, typical);
-  // A contact's own solref is read at the load A F of the weight F: g of a free body alone.
+  // A contact's own solref is read at the load A F of the weight F: g for a free body.
   given = material_of(model, parameters, input, typical * weight);
   if (given.has_si_stiffness()) c.soft_load = kSoftLoad * weight;
   const Material& material = given.material;

@@ -23,7 +23,8 @@ Distance distance(const Shape& shape1, const Pose& pose1, const Shape& shape2, c
 double gap_along(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2,
                  const Eigen::Vector3d& normal);
 
-// Whether two shapes are more than `clearance` (m, >= 0) apart. May be false for height fields.
+// Whether two shapes are more than `clearance` (m, >= 0) apart. May be false for height fields
+// that are.
 bool are_farther_apart(const Shape& shape1, const Pose& pose1, const Shape& shape2,
                        const Pose& pose2, double clearance);
 

@@ -2,7 +2,7 @@
 //
 // Rigid ones have one stiffness, k = kappa / w with the mean w of those that do not stay open.
 // Statics leaves open how feet of one body share its weight. By a w of their own those near the
-// centre of mass would bear most, and wheels turn about inner rims. Parts of a flex are bodies.
+// centre of mass would bear most, and wheels turn about inner rims. Parts of a flex count each.
 //
 // A damping ratio, and the restitution that follows from it, belongs to a vibration. That of one
 // contact alone has the square frequency w k. A body that lands flat vibrates on all of its

@@ -2,8 +2,8 @@
 //
 // A material in SI units gives them in N/m and N s/m. Rigid rows are as stiff as micro-steps of h
 // resolve: k = kappa / w, d = delta / w, w of normals being the mean of the contacts between two
-// bodies (modal_damping.hpp). With c the bound of the unit-weighted rows, diag(A) = 1 in these
-// units, the flow of every row on its own is exact and only the coupling c - 1 has to be resolved:
+// bodies (modal_damping.hpp). In units where diag(A) = 1 let c be their bound. The flow
+// of every row on its own is exact, so only the coupling c - 1 has to be resolved:
 //
 //     kappa (c - 1) h^2 <= theta^2,   kappa h^2 <= kStiffestAlone,
 //     delta_n (c_n - 1) h <= theta,   delta_t (c_t - 1) h <= theta

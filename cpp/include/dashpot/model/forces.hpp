@@ -18,7 +18,7 @@ double positional_force(const mjData_* d, int dof);
 double potential_force(const mjModel_* m, const mjData_* d, int dof);
 // Of that, what springs have.
 double spring_force(const mjData_* d, int dof);
-// Of all degrees of freedom (nv): of dampers and fluids; actuators, applied, gravity compensation.
+// Of all degrees of freedom (nv): of dampers, fluids; of actuators, applied, compensated gravity.
 void damping_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
 void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
 // The driving forces but gravity compensation (nv): with implicit integrators those of dampers too,

@@ -23,7 +23,7 @@ void velocity_of_point(const mjModel_* m, const mjData_* d, int body, const doub
 // The same at the velocities last computed.
 void point_velocity(const mjModel_* m, const mjData_* d, int body, const double* point,
                     double* velocity);
-// Velocity (m/s) of geom 2 to geom 1 at the contact, in its frame, as last computed.
+// Velocity (m/s) of geom 2 relative to geom 1 in the frame of the contact, as last computed.
 std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
                                        const ContactInput& input);
 

@@ -45,11 +45,11 @@ class Stepper {
 
   // Advances `data` by nstep * timestep. Throws std::invalid_argument, before anything is changed,
   // on a state that is not finite or data of another model; DivergenceError where motion or forces
-  // diverge, which leaves `data` as they were before that step. MuJoCo's constraint rows of
-  // contacts (efc_*), which its force queries and sensors read, are left in `data` for the last
-  // step if they fit into the memory of the model, or, where `leave_rows` is false, not at all.
-  // Sensors, plugins and flexes need them in every step: std::runtime_error where they do not fit.
-  // `between` is called after every step but the last; what it throws ends the call there.
+  // diverge, which leaves `data` as they were before that step. MuJoCo's force queries
+  // and sensors read its rows of contacts (efc_*). The last step leaves them in `data` where they
+  // fit into the memory of the model; where `leave_rows` is false none are left. Sensors, plugins
+  // and flexes need them in every step: std::runtime_error where they do not fit. `between` is
+  // called after every step but the last; what it throws ends the call there.
   StepStats step(mjData_* data, int nstep = 1, bool leave_rows = true,
                  const std::function<void()>& between = {});
 
